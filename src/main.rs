@@ -1,0 +1,3 @@
+//! The `sharpen` command.
+
+fn main() {}

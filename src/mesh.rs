@@ -1,0 +1,742 @@
+//! The half-edge mesh that every pass reads.
+//!
+//! Half-edge `3f + i` runs from corner `i` to corner `i + 1` of face `f`, so *next*, *previous* and
+//! *face* are arithmetic and only twins are stored. Fans (the half-edges that leave a vertex) are
+//! derived on first use.
+//!
+//! Based on: the half-edge structure as Manifold and geometry-central lay it out.
+//! Differs: an edge whose half-edges are not exactly two, opposite in direction, gets no twins. It is
+//! a border to every later pass, which therefore needs no special case for it; the mesh counts it.
+
+use std::fmt;
+use std::ops::{Index, IndexMut};
+use std::sync::OnceLock;
+
+use glam::DVec3;
+
+macro_rules! index_type {
+    ($(#[$doc:meta])* $name:ident) => {
+        $(#[$doc])*
+        #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+        #[repr(transparent)]
+        pub struct $name(u32);
+
+        impl $name {
+            /// The index that stands for "there is none". Never a valid index into a mesh.
+            pub const NONE: Self = Self(u32::MAX);
+
+            /// Makes the index `i`.
+            ///
+            /// # Panics
+            /// When `i` is `u32::MAX` or more.
+            #[inline]
+            #[must_use]
+            pub fn new(i: usize) -> Self {
+                assert!(i < u32::MAX as usize, "index {i} does not fit");
+                Self(i as u32)
+            }
+
+            /// The index as a plain number, for arrays.
+            #[inline]
+            #[must_use]
+            pub fn index(self) -> usize {
+                self.0 as usize
+            }
+
+            /// Whether this is an index at all, that is, not [`NONE`](Self::NONE).
+            #[inline]
+            #[must_use]
+            pub fn is_some(self) -> bool {
+                self != Self::NONE
+            }
+        }
+
+        impl fmt::Debug for $name {
+            fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                if self.is_some() {
+                    write!(f, concat!(stringify!($name), "({})"), self.0)
+                } else {
+                    write!(f, concat!(stringify!($name), "(none)"))
+                }
+            }
+        }
+
+        impl<T> Index<$name> for PerElement<$name, T> {
+            type Output = T;
+            #[inline]
+            fn index(&self, i: $name) -> &T {
+                &self.values[i.index()]
+            }
+        }
+
+        impl<T> IndexMut<$name> for PerElement<$name, T> {
+            #[inline]
+            fn index_mut(&mut self, i: $name) -> &mut T {
+                &mut self.values[i.index()]
+            }
+        }
+    };
+}
+
+index_type!(
+    /// Index of a vertex.
+    Vert
+);
+index_type!(
+    /// Index of a half-edge: `3f + i` runs from corner `i` to corner `i + 1` of face `f`.
+    Half
+);
+index_type!(
+    /// Index of a triangle.
+    Face
+);
+
+impl Half {
+    /// The next half-edge of the same face.
+    #[inline]
+    #[must_use]
+    pub fn next(self) -> Self {
+        Self(if self.0 % 3 == 2 { self.0 - 2 } else { self.0 + 1 })
+    }
+
+    /// The previous half-edge of the same face.
+    #[inline]
+    #[must_use]
+    pub fn prev(self) -> Self {
+        Self(if self.0 % 3 == 0 { self.0 + 2 } else { self.0 - 1 })
+    }
+
+    /// The face that this half-edge belongs to.
+    #[inline]
+    #[must_use]
+    pub fn face(self) -> Face {
+        Face(self.0 / 3)
+    }
+
+    /// Which corner of its face this half-edge starts from: 0, 1 or 2.
+    #[inline]
+    #[must_use]
+    pub fn corner(self) -> usize {
+        (self.0 % 3) as usize
+    }
+}
+
+impl Face {
+    /// The three half-edges of the face, in order.
+    #[inline]
+    #[must_use]
+    pub fn halves(self) -> [Half; 3] {
+        [0, 1, 2].map(|i| Half(3 * self.0 + i))
+    }
+
+    /// The half-edge from corner `i` to corner `i + 1`.
+    #[inline]
+    #[must_use]
+    pub fn half(self, i: usize) -> Half {
+        debug_assert!(i < 3);
+        Half(3 * self.0 + i as u32)
+    }
+}
+
+/// An array with one value per element of one kind: `PerVert<f64>` takes a [`Vert`] as its index and
+/// nothing else.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PerElement<I, T> {
+    values: Vec<T>,
+    kind: std::marker::PhantomData<I>,
+}
+
+/// One value per vertex.
+pub type PerVert<T> = PerElement<Vert, T>;
+/// One value per half-edge.
+pub type PerHalf<T> = PerElement<Half, T>;
+/// One value per face.
+pub type PerFace<T> = PerElement<Face, T>;
+
+impl<I, T> PerElement<I, T> {
+    /// `n` copies of `value`.
+    #[must_use]
+    pub fn filled(n: usize, value: T) -> Self
+    where
+        T: Clone,
+    {
+        vec![value; n].into()
+    }
+
+    /// How many elements there are.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.values.len()
+    }
+
+    /// Whether there is no element.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.values.is_empty()
+    }
+
+    /// The values in index order.
+    #[must_use]
+    pub fn as_slice(&self) -> &[T] {
+        &self.values
+    }
+
+    /// The values in index order, to be changed in place.
+    pub fn as_mut_slice(&mut self) -> &mut [T] {
+        &mut self.values
+    }
+
+    /// The plain vector.
+    #[must_use]
+    pub fn into_vec(self) -> Vec<T> {
+        self.values
+    }
+}
+
+impl<I, T> From<Vec<T>> for PerElement<I, T> {
+    fn from(values: Vec<T>) -> Self {
+        Self { values, kind: std::marker::PhantomData }
+    }
+}
+
+impl<I, T> Default for PerElement<I, T> {
+    fn default() -> Self {
+        Vec::new().into()
+    }
+}
+
+/// Why arrays do not make a mesh.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum MeshError {
+    /// A face names a vertex that does not exist.
+    #[error("face {face} names vertex {vertex}, but there are {vertices} vertices")]
+    NoSuchVertex {
+        /// The face, counted from 0.
+        face: usize,
+        /// The vertex it names, counted from 0.
+        vertex: usize,
+        /// How many vertices there are.
+        vertices: usize,
+    },
+    /// More elements than the 32-bit index type can count.
+    #[error("{count} {what} are more than the {limit} that the index type holds")]
+    TooLarge {
+        /// What there are too many of.
+        what: &'static str,
+        /// How many there are.
+        count: usize,
+        /// How many there may be.
+        limit: usize,
+    },
+}
+
+/// Most faces that a mesh can have: three half-edges of each must fit below [`Half::NONE`].
+pub const MAX_FACES: usize = (u32::MAX / 3) as usize;
+/// Most vertices that a mesh can have.
+pub const MAX_VERTS: usize = (u32::MAX - 1) as usize;
+
+/// What is irregular about the edges of a mesh. Such edges stay borders.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
+pub struct EdgeDefects {
+    /// Edges with three or more faces.
+    pub non_manifold_edges: usize,
+    /// Edges with two faces that run the same way along it: their orientations disagree.
+    pub misoriented_edges: usize,
+    /// Faces that name one vertex twice. They have no twins at all.
+    pub collapsed_faces: usize,
+}
+
+/// A triangle mesh with half-edges.
+///
+/// Vertices may be unused, faces degenerate or doubled, edges non-manifold, fans may touch in a
+/// vertex (bow-tie): every such mesh is valid here, and [`check`](Self::check) says what is invariant.
+///
+/// ```
+/// use glam::dvec3;
+/// use sharpen::mesh::{Half, Mesh, Vert};
+///
+/// let points = vec![dvec3(0., 0., 0.), dvec3(1., 0., 0.), dvec3(1., 1., 0.), dvec3(0., 1., 0.)];
+/// let v = Vert::new;
+/// let mesh = Mesh::new(points, vec![[v(0), v(1), v(2)], [v(0), v(2), v(3)]])?;
+/// assert_eq!(mesh.twin(Half::new(2)), Some(Half::new(3)));
+/// assert_eq!(mesh.twin(Half::new(0)), None);
+/// # Ok::<(), sharpen::mesh::MeshError>(())
+/// ```
+#[derive(Clone, Debug, Default)]
+pub struct Mesh {
+    points: PerVert<DVec3>,
+    faces: PerFace<[Vert; 3]>,
+    twins: PerHalf<Half>,
+    defects: EdgeDefects,
+    fans: OnceLock<Fans>,
+}
+
+impl Mesh {
+    /// Builds a mesh from `points` `[V]` and `faces` `[F]` (corners counter-clockwise from outside).
+    ///
+    /// Cost: O(F log k), k the largest number of edges at one vertex; 8 bytes per half-edge for a while.
+    ///
+    /// # Errors
+    /// When a face names a vertex that does not exist, or the index type cannot count the elements.
+    pub fn new(points: Vec<DVec3>, faces: Vec<[Vert; 3]>) -> Result<Self, MeshError> {
+        let too_large = |what, count, limit| Err(MeshError::TooLarge { what, count, limit });
+        if faces.len() > MAX_FACES {
+            return too_large("faces", faces.len(), MAX_FACES);
+        }
+        if points.len() > MAX_VERTS {
+            return too_large("vertices", points.len(), MAX_VERTS);
+        }
+        for (face, corners) in faces.iter().enumerate() {
+            if let Some(v) = corners.iter().find(|v| v.index() >= points.len()) {
+                return Err(MeshError::NoSuchVertex { face, vertex: v.index(), vertices: points.len() });
+            }
+        }
+        let (twins, defects) = pair_twins(points.len(), &faces);
+        Ok(Self { points: points.into(), faces: faces.into(), twins, defects, fans: OnceLock::new() })
+    }
+
+    /// Number of vertices, used or not.
+    #[must_use]
+    pub fn n_verts(&self) -> usize {
+        self.points.len()
+    }
+
+    /// Number of faces.
+    #[must_use]
+    pub fn n_faces(&self) -> usize {
+        self.faces.len()
+    }
+
+    /// Number of half-edges, three per face.
+    #[must_use]
+    pub fn n_halves(&self) -> usize {
+        3 * self.faces.len()
+    }
+
+    /// All vertices in order.
+    pub fn verts(&self) -> impl ExactSizeIterator<Item = Vert> + Clone + use<> {
+        (0..self.n_verts() as u32).map(Vert)
+    }
+
+    /// All half-edges in order.
+    pub fn halves(&self) -> impl ExactSizeIterator<Item = Half> + Clone + use<> {
+        (0..self.n_halves() as u32).map(Half)
+    }
+
+    /// All faces in order.
+    pub fn face_ids(&self) -> impl ExactSizeIterator<Item = Face> + Clone + use<> {
+        (0..self.n_faces() as u32).map(Face)
+    }
+
+    /// Each edge once, as the lower of its half-edges. A border edge is its only half-edge; a
+    /// non-manifold edge appears once per face.
+    pub fn edges(&self) -> impl Iterator<Item = Half> + Clone + '_ {
+        self.halves().filter(|&h| h <= self.twins[h])
+    }
+
+    /// The half-edge that stands for the edge of `h`: the lower of `h` and its twin.
+    #[inline]
+    #[must_use]
+    pub fn edge(&self, h: Half) -> Half {
+        h.min(self.twins[h])
+    }
+
+    /// Position of vertex `v`.
+    #[inline]
+    #[must_use]
+    pub fn point(&self, v: Vert) -> DVec3 {
+        self.points[v]
+    }
+
+    /// All positions `[V]`.
+    #[must_use]
+    pub fn points(&self) -> &[DVec3] {
+        self.points.as_slice()
+    }
+
+    /// The corners of face `f`, counter-clockwise.
+    #[inline]
+    #[must_use]
+    pub fn corners(&self, f: Face) -> [Vert; 3] {
+        self.faces[f]
+    }
+
+    /// All faces as corners `[F]`.
+    #[must_use]
+    pub fn faces(&self) -> &[[Vert; 3]] {
+        self.faces.as_slice()
+    }
+
+    /// The three positions of face `f`.
+    #[inline]
+    #[must_use]
+    pub fn triangle(&self, f: Face) -> [DVec3; 3] {
+        self.faces[f].map(|v| self.points[v])
+    }
+
+    /// The vertex that `h` leaves.
+    #[inline]
+    #[must_use]
+    pub fn from(&self, h: Half) -> Vert {
+        self.faces[h.face()][h.corner()]
+    }
+
+    /// The vertex that `h` points to.
+    #[inline]
+    #[must_use]
+    pub fn to(&self, h: Half) -> Vert {
+        self.from(h.next())
+    }
+
+    /// The vertex of the face of `h` that is not on `h`.
+    #[inline]
+    #[must_use]
+    pub fn opposite(&self, h: Half) -> Vert {
+        self.from(h.prev())
+    }
+
+    /// Length of the edge of `h`.
+    #[inline]
+    #[must_use]
+    pub fn length(&self, h: Half) -> f64 {
+        self.point(self.from(h)).distance(self.point(self.to(h)))
+    }
+
+    /// The other half-edge of the same edge; none on a border or a non-manifold edge.
+    #[inline]
+    #[must_use]
+    pub fn twin(&self, h: Half) -> Option<Half> {
+        Some(self.twins[h]).filter(|t| t.is_some())
+    }
+
+    /// Whether the edge of `h` has no second face (or too many of them).
+    #[inline]
+    #[must_use]
+    pub fn is_border(&self, h: Half) -> bool {
+        !self.twins[h].is_some()
+    }
+
+    /// The next half-edge that leaves the same vertex, counter-clockwise; none past a border.
+    #[inline]
+    #[must_use]
+    pub fn rotate_ccw(&self, h: Half) -> Option<Half> {
+        self.twin(h.prev())
+    }
+
+    /// The next half-edge that leaves the same vertex, clockwise; none past a border.
+    #[inline]
+    #[must_use]
+    pub fn rotate_cw(&self, h: Half) -> Option<Half> {
+        self.twin(h).map(Half::next)
+    }
+
+    /// What is irregular about the edges.
+    #[must_use]
+    pub fn defects(&self) -> EdgeDefects {
+        self.defects
+    }
+
+    /// The fans of all vertices, made on first use. O(F).
+    #[must_use]
+    pub fn fans(&self) -> &Fans {
+        self.fans.get_or_init(|| Fans::new(self.n_verts(), self.faces()))
+    }
+
+    /// The half-edges that leave `v`, one per face at `v`, ascending. This is *all* faces at `v`, also
+    /// where several fans touch in it.
+    #[inline]
+    #[must_use]
+    pub fn leaving(&self, v: Vert) -> &[Half] {
+        self.fans().leaving(v)
+    }
+
+    /// The half-edge from `a` to `b`, if a face has one; the lowest where several have.
+    #[must_use]
+    pub fn half_between(&self, a: Vert, b: Vert) -> Option<Half> {
+        self.leaving(a).iter().copied().find(|&h| self.to(h) == b)
+    }
+
+    /// The box round all vertices that faces use, as (lowest, highest) corner; none without faces.
+    #[must_use]
+    pub fn bounds(&self) -> Option<(DVec3, DVec3)> {
+        let mut used = self.faces().iter().flatten().map(|&v| self.point(v));
+        let first = used.next()?;
+        Some(used.fold((first, first), |(lo, hi), p| (lo.min(p), hi.max(p))))
+    }
+
+    /// Length of the bounding box's diagonal; 0 without faces.
+    #[must_use]
+    pub fn diagonal(&self) -> f64 {
+        self.bounds().map_or(0.0, |(lo, hi)| lo.distance(hi))
+    }
+
+    /// Takes the mesh apart into points `[V]` and faces `[F]`.
+    #[must_use]
+    pub fn into_parts(self) -> (Vec<DVec3>, Vec<[Vert; 3]>) {
+        (self.points.into_vec(), self.faces.into_vec())
+    }
+
+    /// Checks the whole invariant; `Err` says what is broken. O(F log k).
+    ///
+    /// * Every corner names a vertex; every half-edge has a twin entry.
+    /// * Twins are mutual, belong to different faces, run in opposite directions between the same two
+    ///   vertices, and are the only two half-edges between them.
+    /// * Two half-edges that are alone on their edge and opposite *are* twins.
+    /// * The fans list each half-edge once, at the vertex it leaves.
+    ///
+    /// # Errors
+    /// One sentence that names the first element found broken.
+    pub fn check(&self) -> Result<(), String> {
+        if self.twins.len() != self.n_halves() {
+            return Err(format!("{} twins for {} half-edges", self.twins.len(), self.n_halves()));
+        }
+        if let Some(v) = self.faces().iter().flatten().find(|v| v.index() >= self.n_verts()) {
+            return Err(format!("{v:?} of {} vertices", self.n_verts()));
+        }
+        for h in self.halves() {
+            let Some(t) = self.twin(h) else { continue };
+            if t.index() >= self.n_halves() || self.twins[t] != h || t.face() == h.face() {
+                return Err(format!("{h:?} and {t:?} are no mutual twins of two faces"));
+            }
+            if self.from(h) != self.to(t) || self.to(h) != self.from(t) {
+                return Err(format!("twins {h:?} and {t:?} do not join the same vertices"));
+            }
+        }
+        let (twins, defects) = pair_twins(self.n_verts(), self.faces());
+        if let Some(h) = self.halves().find(|&h| twins[h] != self.twins[h]) {
+            return Err(format!("{h:?} has twin {:?}, should have {:?}", self.twins[h], twins[h]));
+        }
+        if defects != self.defects {
+            return Err(format!("{:?} recorded, {defects:?} found", self.defects));
+        }
+        self.fans().check(self)
+    }
+}
+
+/// Pairs each half-edge with the one that runs the other way, where these two are alone on their edge.
+///
+/// Half-edges are bucketed by the lower of their two vertices (a counting sort), each bucket is sorted
+/// by the higher one: no hashing, and a vertex with very many edges costs no more than n log n.
+fn pair_twins(n_verts: usize, faces: &[[Vert; 3]]) -> (PerHalf<Half>, EdgeDefects) {
+    let mut twins = PerHalf::filled(3 * faces.len(), Half::NONE);
+    let mut defects = EdgeDefects::default();
+    let ends = |h: Half| {
+        let corners = faces[h.face().index()];
+        (corners[h.corner()], corners[(h.corner() + 1) % 3])
+    };
+
+    let mut starts = vec![0u32; n_verts + 1];
+    for corners in faces {
+        if has_repeated_vertex(corners) {
+            defects.collapsed_faces += 1;
+            continue;
+        }
+        for i in 0..3 {
+            starts[corners[i].min(corners[(i + 1) % 3]).index() + 1] += 1;
+        }
+    }
+    for v in 0..n_verts {
+        starts[v + 1] += starts[v];
+    }
+    let mut next = starts.clone();
+    let mut bucketed = vec![(Vert::NONE, Half::NONE); starts[n_verts] as usize];
+    for (f, corners) in faces.iter().enumerate() {
+        if has_repeated_vertex(corners) {
+            continue;
+        }
+        for h in Face(f as u32).halves() {
+            let (a, b) = ends(h);
+            let slot = &mut next[a.min(b).index()];
+            bucketed[*slot as usize] = (a.max(b), h);
+            *slot += 1;
+        }
+    }
+
+    for v in 0..n_verts {
+        let bucket = &mut bucketed[starts[v] as usize..starts[v + 1] as usize];
+        bucket.sort_unstable();
+        for edge in bucket.chunk_by(|x, y| x.0 == y.0) {
+            match *edge {
+                [_] => {}
+                [(_, g), (_, h)] if ends(g).0 == ends(h).1 => {
+                    twins[g] = h;
+                    twins[h] = g;
+                }
+                [_, _] => defects.misoriented_edges += 1,
+                _ => defects.non_manifold_edges += 1,
+            }
+        }
+    }
+    (twins, defects)
+}
+
+fn has_repeated_vertex(&[a, b, c]: &[Vert; 3]) -> bool {
+    a == b || b == c || c == a
+}
+
+/// The half-edges that leave each vertex.
+#[derive(Clone, Debug, Default)]
+pub struct Fans {
+    starts: Vec<u32>,
+    halves: Vec<Half>,
+}
+
+impl Fans {
+    fn new(n_verts: usize, faces: &[[Vert; 3]]) -> Self {
+        let mut starts = vec![0u32; n_verts + 1];
+        for v in faces.iter().flatten() {
+            starts[v.index() + 1] += 1;
+        }
+        for v in 0..n_verts {
+            starts[v + 1] += starts[v];
+        }
+        let mut next = starts.clone();
+        let mut halves = vec![Half::NONE; 3 * faces.len()];
+        for (h, v) in faces.iter().flatten().enumerate() {
+            let slot = &mut next[v.index()];
+            halves[*slot as usize] = Half(h as u32);
+            *slot += 1;
+        }
+        Self { starts, halves }
+    }
+
+    /// The half-edges that leave `v`, ascending.
+    #[inline]
+    #[must_use]
+    pub fn leaving(&self, v: Vert) -> &[Half] {
+        &self.halves[self.starts[v.index()] as usize..self.starts[v.index() + 1] as usize]
+    }
+
+    fn check(&self, mesh: &Mesh) -> Result<(), String> {
+        if self.starts.len() != mesh.n_verts() + 1 || self.halves.len() != mesh.n_halves() {
+            return Err("the fans are those of another mesh".to_owned());
+        }
+        for v in mesh.verts() {
+            let leaving = self.leaving(v);
+            if !leaving.is_sorted_by(|a, b| a < b) {
+                return Err(format!("the fan of {v:?} is not ascending"));
+            }
+            if let Some(h) = leaving.iter().find(|&&h| mesh.from(h) != v) {
+                return Err(format!("{h:?} does not leave {v:?}"));
+            }
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use super::*;
+    use glam::dvec3;
+
+    /// A mesh from plain numbers, checked.
+    pub(crate) fn mesh(points: &[[f64; 3]], faces: &[[usize; 3]]) -> Mesh {
+        let points = points.iter().map(|&p| DVec3::from(p)).collect();
+        let faces = faces.iter().map(|f| f.map(Vert::new)).collect();
+        let mesh = Mesh::new(points, faces).expect("a test's mesh is sound");
+        mesh.check().expect("a new mesh holds its invariant");
+        mesh
+    }
+
+    /// `n` points that no two faces' tests care about the place of.
+    fn anywhere(n: usize) -> Vec<[f64; 3]> {
+        (0..n).map(|i| [i as f64, (i * i) as f64, (i * i * i) as f64]).collect()
+    }
+
+    fn twins(mesh: &Mesh) -> Vec<Option<usize>> {
+        mesh.halves().map(|h| mesh.twin(h).map(Half::index)).collect()
+    }
+
+    // 3---2
+    // | / |
+    // 0---1
+    #[test]
+    fn two_triangles_share_one_edge() {
+        let m = mesh(&anywhere(4), &[[0, 1, 2], [0, 2, 3]]);
+        assert_eq!(twins(&m), [None, None, Some(3), Some(2), None, None]);
+        assert_eq!(m.edges().map(Half::index).collect::<Vec<_>>(), [0, 1, 2, 4, 5]);
+        assert_eq!(m.leaving(Vert::new(0)), [Half::new(0), Half::new(3)]);
+        assert_eq!(m.leaving(Vert::new(2)), [Half::new(2), Half::new(4)]);
+        assert_eq!(m.rotate_ccw(Half::new(0)), Some(Half::new(3)));
+        assert_eq!(m.rotate_cw(Half::new(3)), Some(Half::new(0)));
+        assert_eq!(m.rotate_cw(Half::new(0)), None);
+        assert_eq!(m.half_between(Vert::new(2), Vert::new(0)), Some(Half::new(2)));
+        assert_eq!(m.half_between(Vert::new(1), Vert::new(3)), None);
+        assert_eq!(m.defects(), EdgeDefects::default());
+    }
+
+    #[test]
+    fn a_tetrahedron_is_closed() {
+        let m = mesh(&anywhere(4), &[[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]]);
+        assert!(m.halves().all(|h| !m.is_border(h)));
+        assert_eq!(m.edges().count(), 6);
+    }
+
+    #[test]
+    fn three_faces_on_one_edge_are_borders_there_and_counted() {
+        let m = mesh(&anywhere(5), &[[0, 1, 2], [1, 0, 3], [0, 1, 4]]);
+        assert!(m.halves().all(|h| m.is_border(h)));
+        assert_eq!(m.defects().non_manifold_edges, 1);
+    }
+
+    #[test]
+    fn two_faces_that_disagree_are_borders_and_counted() {
+        let m = mesh(&anywhere(4), &[[0, 1, 2], [0, 1, 3]]);
+        assert!(m.halves().all(|h| m.is_border(h)));
+        assert_eq!(m.defects().misoriented_edges, 1);
+    }
+
+    #[test]
+    fn a_doubled_face_shares_no_edge_with_its_copy() {
+        let m = mesh(&anywhere(3), &[[0, 1, 2], [0, 1, 2]]);
+        assert!(m.halves().all(|h| m.is_border(h)));
+        assert_eq!(m.defects().misoriented_edges, 3);
+    }
+
+    #[test]
+    fn a_face_that_names_a_vertex_twice_leaves_its_neighbours_joined() {
+        let m = mesh(&anywhere(4), &[[0, 1, 1], [0, 1, 2], [1, 0, 3]]);
+        assert_eq!(m.twin(Half::new(3)), Some(Half::new(6)));
+        assert!((0..3).all(|h| m.is_border(Half::new(h))));
+        assert_eq!(m.defects().collapsed_faces, 1);
+        assert_eq!(m.leaving(Vert::new(1)), [1, 2, 4, 6].map(Half::new));
+    }
+
+    #[test]
+    fn a_bow_tie_lists_both_fans_of_its_vertex() {
+        let m = mesh(&anywhere(5), &[[0, 1, 2], [0, 3, 4]]);
+        assert_eq!(m.leaving(Vert::new(0)), [Half::new(0), Half::new(3)]);
+        assert_eq!(m.rotate_ccw(Half::new(0)), None);
+    }
+
+    #[test]
+    fn a_moebius_strip_has_one_seam_of_borders() {
+        // Five triangles round a strip with one half twist; the closing edge 0-1 disagrees.
+        let m = mesh(&anywhere(5), &[[0, 1, 2], [2, 1, 3], [2, 3, 4], [4, 3, 0], [4, 0, 1]]);
+        assert_eq!(m.defects().misoriented_edges, 1);
+    }
+
+    #[test]
+    fn empty_and_unused_are_meshes_too() {
+        assert_eq!(mesh(&[], &[]).diagonal(), 0.0);
+        let m = mesh(&[[9., 9., 9.], [0., 0., 0.], [3., 0., 0.], [0., 4., 0.]], &[[1, 2, 3]]);
+        assert_eq!(m.diagonal(), 5.0, "an unused vertex does not count");
+        assert!(m.leaving(Vert::new(0)).is_empty());
+    }
+
+    #[test]
+    fn a_face_out_of_range_is_refused() {
+        let error = Mesh::new(vec![dvec3(0., 0., 0.)], vec![[Vert::new(0), Vert::new(0), Vert::new(7)]]);
+        assert_eq!(error.map(|_| ()), Err(MeshError::NoSuchVertex { face: 0, vertex: 7, vertices: 1 }));
+    }
+
+    #[test]
+    fn a_broken_twin_does_not_pass_the_check() {
+        let mut m = mesh(&anywhere(4), &[[0, 1, 2], [0, 2, 3]]);
+        m.twins[Half::new(2)] = Half::NONE;
+        assert!(m.check().is_err());
+        let mut m = mesh(&anywhere(4), &[[0, 1, 2], [0, 2, 3]]);
+        m.faces[Face::new(1)] = [1, 2, 3].map(Vert::new);
+        assert!(m.check().is_err());
+    }
+}
