@@ -1,0 +1,160 @@
+//! Pure functions on points, normals and planes. Angles are in radians.
+
+use glam::DVec3;
+use nalgebra::{Matrix3, SymmetricEigen, Vector3};
+
+/// The unit normal of a triangle given counter-clockwise; none when it has no area that a float can
+/// express.
+#[inline]
+#[must_use]
+pub fn unit_normal([a, b, c]: [DVec3; 3]) -> Option<DVec3> {
+    let normal = (b - a).cross(c - a);
+    let length = normal.length();
+    (length > 0.0 && length.is_finite()).then(|| normal / length)
+}
+
+/// The angle between two vectors, in `[0, π]`. Exact also near 0 and π, where an arc cosine is not.
+#[inline]
+#[must_use]
+pub fn angle_between(a: DVec3, b: DVec3) -> f64 {
+    a.cross(b).length().atan2(a.dot(b))
+}
+
+/// The three inner angles of a triangle. A corner on two coincident points counts as a right angle,
+/// and the corner between the two as 0, so that a collapsed triangle has one vanishing angle.
+#[must_use]
+pub fn inner_angles(triangle: [DVec3; 3]) -> [f64; 3] {
+    [0, 1, 2].map(|i| {
+        let (a, b) = (triangle[(i + 1) % 3] - triangle[i], triangle[(i + 2) % 3] - triangle[i]);
+        if a == DVec3::ZERO || b == DVec3::ZERO {
+            if a == b { 0.0 } else { std::f64::consts::FRAC_PI_2 }
+        } else {
+            angle_between(a, b)
+        }
+    })
+}
+
+/// A plane through `point` with unit normal `normal`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Plane {
+    /// A point of the plane.
+    pub point: DVec3,
+    /// Its unit normal.
+    pub normal: DVec3,
+}
+
+impl Plane {
+    /// Signed distance of `p`, positive on the side that the normal points to.
+    #[inline]
+    #[must_use]
+    pub fn distance(&self, p: DVec3) -> f64 {
+        (p - self.point).dot(self.normal)
+    }
+}
+
+/// The point of the line `P ∩ Q` nearest to `from`, and the sine of the angle between the planes.
+///
+/// None when the planes are parallel or antiparallel to the last bit; the caller decides from the sine
+/// what is too nearly so.
+///
+/// Based on: Sharpen&Bend section 3.3. Differs: the papers' closed form is not this point (with
+/// `AB = B - A` its sign is wrong); this solves the two plane equations for the least displacement.
+#[must_use]
+pub fn nearest_on_both(p: Plane, q: Plane, from: DVec3) -> Option<(DVec3, f64)> {
+    let (n, m) = (p.normal, q.normal);
+    let sine_squared = n.cross(m).length_squared();
+    let cosine = n.dot(m);
+    let (to_p, to_q) = (-p.distance(from), -q.distance(from));
+    let along_n = (to_p - cosine * to_q) / sine_squared;
+    let along_m = (to_q - cosine * to_p) / sine_squared;
+    let point = from + along_n * n + along_m * m;
+    (sine_squared > 0.0 && point.is_finite()).then(|| (point, sine_squared.sqrt()))
+}
+
+/// The point that lies on all `planes` in the sense of least squares and, where they leave it free, is
+/// nearest to `from`; and the smallest singular value of their unit normals that was used or refused.
+///
+/// A direction whose singular value is below `cutoff` times the largest one counts as left free.
+#[must_use]
+pub fn nearest_on_all(planes: &[Plane], from: DVec3, cutoff: f64) -> (DVec3, f64) {
+    let mut normal_matrix = Matrix3::zeros();
+    let mut right_side = Vector3::zeros();
+    for plane in planes {
+        let n = Vector3::from(plane.normal.to_array());
+        normal_matrix += n * n.transpose();
+        right_side -= n * plane.distance(from);
+    }
+    // The squares of the singular values are the eigenvalues: exact enough, as `cutoff` is far above
+    // the square root of the rounding error.
+    let eigen = SymmetricEigen::new(normal_matrix);
+    let largest = eigen.eigenvalues.max();
+    let mut step = Vector3::zeros();
+    for (value, direction) in eigen.eigenvalues.iter().zip(eigen.eigenvectors.column_iter()) {
+        if *value > cutoff * cutoff * largest {
+            step += direction * (direction.dot(&right_side) / value);
+        }
+    }
+    let smallest = eigen.eigenvalues.min().max(0.0).sqrt();
+    (from + DVec3::new(step.x, step.y, step.z), smallest)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use approx::assert_relative_eq;
+    use glam::dvec3;
+    use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI};
+
+    #[test]
+    fn a_triangle_without_area_has_no_normal() {
+        assert_eq!(unit_normal([DVec3::ZERO, DVec3::X, DVec3::Y]), Some(DVec3::Z));
+        assert_eq!(unit_normal([DVec3::ZERO, DVec3::X, 2.0 * DVec3::X]), None);
+        assert_eq!(unit_normal([DVec3::ZERO, 1e300 * DVec3::X, 1e300 * DVec3::Y]), None);
+    }
+
+    #[test]
+    fn angles_are_exact_near_their_ends() {
+        assert_relative_eq!(angle_between(DVec3::X, dvec3(1., 1e-9, 0.)), 1e-9, max_relative = 1e-12);
+        assert_relative_eq!(angle_between(DVec3::X, -DVec3::X), PI);
+        let right = inner_angles([DVec3::ZERO, DVec3::X, DVec3::Y]);
+        for (angle, expected) in right.into_iter().zip([FRAC_PI_2, FRAC_PI_4, FRAC_PI_4]) {
+            assert_relative_eq!(angle, expected);
+        }
+    }
+
+    #[test]
+    fn a_collapsed_triangle_has_one_vanishing_angle() {
+        assert_eq!(inner_angles([DVec3::ZERO, DVec3::X, DVec3::X]), [0.0, FRAC_PI_2, FRAC_PI_2]);
+        assert_eq!(inner_angles([DVec3::X; 3]), [0.0; 3]);
+    }
+
+    #[test]
+    fn two_planes_meet_nearest_to_the_point() {
+        let p = Plane { point: dvec3(0., 0., 1.), normal: DVec3::Z };
+        let slanted = Plane { point: dvec3(2., 0., 0.), normal: dvec3(1., 0., 1.).normalize() };
+        let (point, sine) = nearest_on_both(p, slanted, dvec3(5., 7., 3.)).unwrap();
+        assert_relative_eq!(point.distance(dvec3(1., 7., 1.)), 0.0, epsilon = 1e-12);
+        assert_relative_eq!(sine, FRAC_PI_4.sin(), epsilon = 1e-12);
+        let antiparallel = Plane { point: DVec3::ZERO, normal: -DVec3::Z };
+        assert_eq!(nearest_on_both(p, antiparallel, DVec3::X), None);
+    }
+
+    #[test]
+    fn three_planes_meet_in_their_corner() {
+        let corner = dvec3(0.3, -2., 5.);
+        let normals = [dvec3(1., 0.2, 0.), dvec3(0., 1., 0.4), dvec3(-0.3, 0., 1.)];
+        let planes = normals.map(|n| Plane { point: corner, normal: n.normalize() });
+        let (point, smallest) = nearest_on_all(&planes, dvec3(9., 9., 9.), 0.1);
+        assert_relative_eq!(point.distance(corner), 0.0, epsilon = 1e-12);
+        assert!(smallest > 0.5 && smallest <= 1.0, "{smallest}");
+    }
+
+    #[test]
+    fn three_planes_on_one_line_leave_it_free() {
+        let normals = [DVec3::X, DVec3::Y, dvec3(1., 1., 0.).normalize()];
+        let planes = normals.map(|normal| Plane { point: dvec3(1., 2., 100.), normal });
+        let (point, smallest) = nearest_on_all(&planes, dvec3(0., 0., 7.), 0.1);
+        assert_relative_eq!(point.distance(dvec3(1., 2., 7.)), 0.0, epsilon = 1e-12);
+        assert!(smallest < 1e-7, "{smallest}");
+    }
+}

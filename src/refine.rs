@@ -1,0 +1,358 @@
+//! Rebuilds a mesh with new vertices on its edges and in its faces.
+//!
+//! Every split edge splits both its faces, so a face has one of five shapes (new vertices `o`):
+//!
+//! ```text
+//!   no split      a: one edge     b: two edges      c: all, with centre   d: all, without
+//!      /\             /|\              /\                   /|\                  /\
+//!     /  \           / | \            o--o                 o.|.o                o--o
+//!    /    \         /  |  \          / `. \               / `o´ \              / \/ \
+//!   /______\       /___o___\        /____`.\             /_.´|`._\            /__o__\
+//! ```
+//!
+//! Based on: Sharpen&Bend section 3.2 and figure 5 (a, b, c), section 4.2 and figure 11 (d).
+//! Differs: in case b, where the paper is silent, the quadrilateral takes its shorter diagonal,
+//! measured before the new vertices move (a tie goes to the smaller vertex index).
+//! In/out: `Mesh` + `Inserts` -> `Refined`; children stand where their parent stood.
+//! Cost: O(F), one pass to count and one to write.
+
+use glam::DVec3;
+
+use crate::mesh::{Face, Half, Mesh, MeshError, PerFace, PerHalf, Vert};
+
+/// New vertices for a mesh, as data: who makes them (sharpening, bending) does not matter here.
+///
+/// New vertex `i` gets the index `n_verts + i`.
+#[derive(Clone, Debug)]
+pub struct Inserts {
+    /// The new vertex on the edge of each half-edge, the same for twins; [`Vert::NONE`] for no split. `[3F]`
+    pub on_edge: PerHalf<Vert>,
+    /// The faces that get a vertex inside, ascending. All three of their edges are split.
+    pub in_face: Vec<(Face, Vert)>,
+    /// Where each new vertex goes. `[N]`
+    pub points: Vec<DVec3>,
+    /// Old vertices that go elsewhere.
+    pub moved: Vec<(Vert, DVec3)>,
+}
+
+impl Inserts {
+    /// No insert at all.
+    #[must_use]
+    pub fn none(mesh: &Mesh) -> Self {
+        Self {
+            on_edge: PerHalf::filled(mesh.n_halves(), Vert::NONE),
+            in_face: Vec::new(),
+            points: Vec::new(),
+            moved: Vec::new(),
+        }
+    }
+
+    /// Splits the edges for which `is_split` holds, in the order of [`Mesh::edges`], and puts a vertex
+    /// into each of `faces` (ascending). The new vertices stay in the middle until they are placed.
+    pub fn in_the_middle(mesh: &Mesh, is_split: impl Fn(Half) -> bool, faces: &[Face]) -> Self {
+        let mut inserts = Self::none(mesh);
+        for h in mesh.edges().filter(|&h| is_split(h)) {
+            let vertex = Vert::new(mesh.n_verts() + inserts.points.len());
+            inserts.on_edge[h] = vertex;
+            if let Some(twin) = mesh.twin(h) {
+                inserts.on_edge[twin] = vertex;
+            }
+            inserts.points.push(mesh.point(mesh.from(h)).midpoint(mesh.point(mesh.to(h))));
+        }
+        for &f in faces {
+            let vertex = Vert::new(mesh.n_verts() + inserts.points.len());
+            inserts.in_face.push((f, vertex));
+            inserts.points.push(mesh.triangle(f).into_iter().sum::<DVec3>() / 3.0);
+        }
+        inserts
+    }
+
+    /// Whether nothing is inserted and nothing moves.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.points.is_empty() && self.moved.is_empty()
+    }
+
+    /// The vertex inside `f`, if it gets one.
+    #[must_use]
+    pub fn centre(&self, f: Face) -> Option<Vert> {
+        self.in_face.binary_search_by_key(&f, |&(face, _)| face).ok().map(|i| self.in_face[i].1)
+    }
+}
+
+/// Where a corner of a new face lies in the face's parent.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Place {
+    /// At the parent's corner of that number.
+    Corner(u8),
+    /// In the middle of the parent's half-edge of that number.
+    Mid(u8),
+    /// At the parent's centroid.
+    Centre,
+    /// Elsewhere, by a collapse or a flip: [`Lineage::foreign`] has the barycentric coordinates.
+    Foreign,
+}
+
+/// Where the faces of a rebuilt mesh come from: all that is needed to carry attributes along.
+#[derive(Clone, Debug, Default)]
+pub struct Lineage {
+    /// For each new face the old face that it lies in, ascending. `[F']`
+    pub parents: PerFace<Face>,
+    /// For each new half-edge where the corner that it leaves lies in the parent. `[3F']`
+    pub corners: PerHalf<Place>,
+    /// Barycentric coordinates in the parent, for the corners with [`Place::Foreign`], ascending.
+    pub foreign: Vec<(Half, [f64; 3])>,
+}
+
+/// A rebuilt mesh.
+#[derive(Clone, Debug)]
+pub struct Refined {
+    /// The new mesh: old vertices first, in their order, then the inserted ones.
+    pub mesh: Mesh,
+    /// Where its faces come from.
+    pub lineage: Lineage,
+    /// The new edges that join two inserted vertices within a face (cases b and c, not d): the pieces of
+    /// the recovered creases.
+    pub creases: Vec<[Vert; 2]>,
+}
+
+/// One child triangle: its corners, and where they lie in the parent.
+pub(crate) type Child = [(Vert, Place); 3];
+
+/// The children of one face: at most six.
+pub(crate) struct Children {
+    list: [Child; 6],
+    len: usize,
+}
+
+impl Children {
+    fn new(children: &[Child]) -> Self {
+        let mut list = [[(Vert::NONE, Place::Foreign); 3]; 6];
+        list[..children.len()].copy_from_slice(children);
+        Self { list, len: children.len() }
+    }
+}
+
+impl std::ops::Deref for Children {
+    type Target = [Child];
+    fn deref(&self) -> &[Child] {
+        &self.list[..self.len]
+    }
+}
+
+/// Splits face `f`. `middle` gives the position of a vertex, old or new, before new vertices move.
+pub(crate) fn split_face(
+    mesh: &Mesh,
+    inserts: &Inserts,
+    f: Face,
+    middle: impl Fn(Vert) -> DVec3,
+) -> Children {
+    let corners = mesh.corners(f);
+    let on_edge = f.halves().map(|h| inserts.on_edge[h]);
+    let corner = |i: usize| (corners[i % 3], Place::Corner((i % 3) as u8));
+    let mid = |i: usize| (on_edge[i % 3], Place::Mid((i % 3) as u8));
+    let is_split = on_edge.map(Vert::is_some);
+    match is_split.iter().filter(|&&split| split).count() {
+        0 => Children::new(&[[corner(0), corner(1), corner(2)]]),
+        1 => {
+            let i = is_split.iter().position(|&split| split).unwrap_or(0);
+            Children::new(&[[corner(i), mid(i), corner(i + 2)], [mid(i), corner(i + 1), corner(i + 2)]])
+        }
+        2 => {
+            // Edge p-q is whole; x lies on q-r, y on r-p.
+            let i = is_split.iter().position(|&split| !split).unwrap_or(0);
+            let (p, q, r, x, y) = (corner(i), corner(i + 1), corner(i + 2), mid(i + 1), mid(i + 2));
+            let diagonal = |a: (Vert, Place), b: (Vert, Place)| middle(a.0).distance(middle(b.0));
+            let (px, qy) = (diagonal(p, x), diagonal(q, y));
+            if px < qy || (px == qy && p.0 < q.0) {
+                Children::new(&[[r, y, x], [y, p, x], [p, q, x]])
+            } else {
+                Children::new(&[[r, y, x], [y, p, q], [y, q, x]])
+            }
+        }
+        _ => match inserts.centre(f) {
+            Some(centre) => {
+                let w = (centre, Place::Centre);
+                Children::new(&[
+                    [corner(0), mid(0), w],
+                    [mid(0), corner(1), w],
+                    [corner(1), mid(1), w],
+                    [mid(1), corner(2), w],
+                    [corner(2), mid(2), w],
+                    [mid(2), corner(0), w],
+                ])
+            }
+            None => Children::new(&[
+                [corner(0), mid(0), mid(2)],
+                [corner(1), mid(1), mid(0)],
+                [corner(2), mid(2), mid(1)],
+                [mid(0), mid(1), mid(2)],
+            ]),
+        },
+    }
+}
+
+/// Rebuilds `mesh` with `inserts`.
+///
+/// # Errors
+/// When the new mesh has more elements than the index type can count.
+pub fn refine(mesh: &Mesh, inserts: &Inserts) -> Result<Refined, MeshError> {
+    let mut points = mesh.points().to_vec();
+    for &(v, point) in &inserts.moved {
+        points[v.index()] = point;
+    }
+    let middles = middles(mesh, inserts, &points);
+    let middle = |v: Vert| match v.index().checked_sub(mesh.n_verts()) {
+        Some(i) => middles[i],
+        None => points[v.index()],
+    };
+    let n_splits = |f: Face| f.halves().into_iter().filter(|&h| inserts.on_edge[h].is_some()).count();
+    let n_faces = mesh.face_ids().map(|f| n_splits(f) + 1).sum::<usize>() + 2 * inserts.in_face.len();
+
+    let mut faces = Vec::with_capacity(n_faces);
+    let mut parents = Vec::with_capacity(n_faces);
+    let mut places = Vec::with_capacity(3 * n_faces);
+    let mut creases = Vec::new();
+    for f in mesh.face_ids() {
+        let children = split_face(mesh, inserts, f, middle);
+        for child in children.iter() {
+            faces.push(child.map(|(vertex, _)| vertex));
+            parents.push(f);
+            places.extend(child.map(|(_, place)| place));
+        }
+        match children.len() {
+            3 => creases.push([children[0][1].0, children[0][2].0]),
+            6 => creases.extend(f.halves().map(|h| [inserts.on_edge[h], children[0][2].0])),
+            _ => {}
+        }
+    }
+    drop(middles);
+    points.extend_from_slice(&inserts.points);
+    let mesh = Mesh::new(points, faces)?;
+    debug_assert_eq!(mesh.check(), Ok(()));
+    let lineage = Lineage { parents: parents.into(), corners: places.into(), foreign: Vec::new() };
+    Ok(Refined { mesh, lineage, creases })
+}
+
+/// Where the new vertices would be if they stayed in the middle of the (moved) old ones.
+fn middles(mesh: &Mesh, inserts: &Inserts, points: &[DVec3]) -> Vec<DVec3> {
+    let at = |v: Vert| points[v.index()];
+    let mut middles = vec![DVec3::ZERO; inserts.points.len()];
+    for h in mesh.edges() {
+        if inserts.on_edge[h].is_some() {
+            middles[inserts.on_edge[h].index() - mesh.n_verts()] = at(mesh.from(h)).midpoint(at(mesh.to(h)));
+        }
+    }
+    for &(f, vertex) in &inserts.in_face {
+        middles[vertex.index() - mesh.n_verts()] = mesh.corners(f).map(at).into_iter().sum::<DVec3>() / 3.0;
+    }
+    middles
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::tests::mesh;
+    use glam::dvec3;
+
+    // 2
+    // | `.
+    // 0---1
+    fn triangle() -> Mesh {
+        mesh(&[[0., 0., 0.], [4., 0., 0.], [0., 2., 0.]], &[[0, 1, 2]])
+    }
+
+    fn refined(mesh: &Mesh, split: &[usize], faces: &[usize]) -> Refined {
+        let faces: Vec<_> = faces.iter().map(|&f| Face::new(f)).collect();
+        let inserts = Inserts::in_the_middle(mesh, |h| split.contains(&h.index()), &faces);
+        refine(mesh, &inserts).unwrap()
+    }
+
+    fn faces(refined: &Refined) -> Vec<[usize; 3]> {
+        refined.mesh.faces().iter().map(|f| f.map(Vert::index)).collect()
+    }
+
+    #[test]
+    fn without_inserts_the_mesh_is_the_same() {
+        let m = triangle();
+        let r = refine(&m, &Inserts::none(&m)).unwrap();
+        assert_eq!((r.mesh.points(), r.mesh.faces()), (m.points(), m.faces()));
+        assert!(r.creases.is_empty());
+    }
+
+    #[test]
+    fn case_a_splits_in_two() {
+        let r = refined(&triangle(), &[1], &[]);
+        assert_eq!(faces(&r), [[1, 3, 0], [3, 2, 0]]);
+        assert_eq!(r.mesh.point(Vert::new(3)), dvec3(2., 1., 0.));
+        assert_eq!(
+            r.lineage.corners.as_slice(),
+            [
+                Place::Corner(1),
+                Place::Mid(1),
+                Place::Corner(0),
+                Place::Mid(1),
+                Place::Corner(2),
+                Place::Corner(0)
+            ]
+        );
+    }
+
+    #[test]
+    fn case_b_takes_the_shorter_diagonal() {
+        // Whole edge 0-1; x = 3 on 1-2, y = 4 on 2-0. |0-3| = sqrt 5 < |1-4| = sqrt 17.
+        let r = refined(&triangle(), &[1, 2], &[]);
+        assert_eq!(faces(&r), [[2, 4, 3], [4, 0, 3], [0, 1, 3]]);
+        assert_eq!(r.creases, [[Vert::new(4), Vert::new(3)]]);
+        // Whole edge 2-0; x = 3 on 0-1, y = 4 on 1-2. |2-3| = sqrt 8 > |0-4| = sqrt 5.
+        let r = refined(&triangle(), &[0, 1], &[]);
+        assert_eq!(faces(&r), [[1, 4, 3], [4, 2, 0], [4, 0, 3]]);
+    }
+
+    #[test]
+    fn case_b_ties_go_to_the_smaller_index() {
+        let m = mesh(&[[0., 2., 0.], [-1., 0., 0.], [1., 0., 0.]], &[[1, 2, 0]]);
+        // Whole edge 1-2: both diagonals have the length of (1.5, 1).
+        let r = refined(&m, &[1, 2], &[]);
+        assert_eq!(faces(&r)[1][1..], [1, 3]);
+    }
+
+    #[test]
+    fn case_c_is_a_fan_of_six() {
+        let r = refined(&triangle(), &[0, 1, 2], &[0]);
+        assert_eq!(faces(&r), [[0, 3, 6], [3, 1, 6], [1, 4, 6], [4, 2, 6], [2, 5, 6], [5, 0, 6]]);
+        assert_eq!(r.creases, [[3, 6], [4, 6], [5, 6]].map(|e: [usize; 2]| e.map(Vert::new)));
+    }
+
+    #[test]
+    fn case_d_is_four_triangles() {
+        let r = refined(&triangle(), &[0, 1, 2], &[]);
+        assert_eq!(faces(&r), [[0, 3, 5], [1, 4, 3], [2, 5, 4], [3, 4, 5]]);
+        assert!(r.creases.is_empty());
+    }
+
+    // 3---2    The split of 0-2 splits both faces with one new vertex.
+    // | / |
+    // 0---1
+    #[test]
+    fn a_shared_edge_splits_both_its_faces_with_one_vertex() {
+        let m = mesh(&[[0., 0., 0.], [1., 0., 0.], [1., 1., 0.], [0., 1., 0.]], &[[0, 1, 2], [0, 2, 3]]);
+        let r = refined(&m, &[2], &[]);
+        assert_eq!(faces(&r), [[2, 4, 1], [4, 0, 1], [0, 4, 3], [4, 2, 3]]);
+        assert_eq!(r.lineage.parents.as_slice(), [0, 0, 1, 1].map(Face::new));
+        assert_eq!(r.mesh.edges().filter(|&h| r.mesh.is_border(h)).count(), 4);
+    }
+
+    #[test]
+    fn moved_vertices_decide_the_diagonal_and_land_where_they_should() {
+        let m = triangle();
+        let mut inserts = Inserts::in_the_middle(&m, |h| h.index() != 0, &[]);
+        inserts.moved = vec![(Vert::new(1), dvec3(-9., 0., 0.))];
+        inserts.points = vec![dvec3(7., 7., 7.), dvec3(8., 8., 8.)];
+        let r = refine(&m, &inserts).unwrap();
+        // |0-3| is from 0 to the middle of (-9, 0) and (0, 2); |1-4| from (-9, 0) to (0, 1): longer.
+        assert_eq!(faces(&r), [[2, 4, 3], [4, 0, 3], [0, 1, 3]]);
+        assert_eq!(r.mesh.point(Vert::new(1)), dvec3(-9., 0., 0.));
+        assert_eq!(r.mesh.point(Vert::new(4)), dvec3(8., 8., 8.));
+    }
+}
