@@ -1,5 +1,6 @@
 //! Gives triangle meshes back the sharp edges and corners that sampling took away.
 
+pub mod classify;
 pub mod geometry;
 pub mod mesh;
 pub mod refine;

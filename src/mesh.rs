@@ -13,6 +13,9 @@ use std::ops::{Index, IndexMut};
 use std::sync::OnceLock;
 
 use glam::DVec3;
+use rayon::prelude::*;
+
+use crate::geometry::unit_normal;
 
 macro_rules! index_type {
     ($(#[$doc:meta])* $name:ident) => {
@@ -103,7 +106,7 @@ impl Half {
     #[inline]
     #[must_use]
     pub fn prev(self) -> Self {
-        Self(if self.0 % 3 == 0 { self.0 + 2 } else { self.0 - 1 })
+        Self(if self.0.is_multiple_of(3) { self.0 + 2 } else { self.0 - 1 })
     }
 
     /// The face that this half-edge belongs to.
@@ -454,6 +457,13 @@ impl Mesh {
     #[must_use]
     pub fn half_between(&self, a: Vert, b: Vert) -> Option<Half> {
         self.leaving(a).iter().copied().find(|&h| self.to(h) == b)
+    }
+
+    /// The unit normal of each face; zero for a face without area. `[F]`
+    #[must_use]
+    pub fn face_normals(&self) -> PerFace<DVec3> {
+        let normal = |f: &[Vert; 3]| unit_normal(f.map(|v| self.points[v])).unwrap_or(DVec3::ZERO);
+        self.faces().par_iter().map(normal).collect::<Vec<_>>().into()
     }
 
     /// The box round all vertices that faces use, as (lowest, highest) corner; none without faces.
