@@ -3,5 +3,6 @@
 pub mod classify;
 pub mod geometry;
 pub mod mesh;
+pub mod place;
 pub mod refine;
 pub mod tags;
