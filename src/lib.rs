@@ -1,6 +1,8 @@
 //! Gives triangle meshes back the sharp edges and corners that sampling took away.
 
 pub mod classify;
+pub mod collapse;
+mod edit;
 pub mod geometry;
 pub mod mesh;
 pub mod place;

@@ -1,0 +1,375 @@
+//! A mesh under local edits: collapses and flips near the inserted vertices.
+//!
+//! Nothing is copied per vertex until it is touched: the faces round a vertex come from the mesh's fans
+//! until an edit changes them. Faces keep their index while edits go on; [`Edit::finish`] compacts.
+//!
+//! In/out: borrows a [`Refined`] mesh, gives back a compacted one with its lineage.
+//! Cost: O(V) to set up and to finish, O(valence) per query and edit.
+
+use glam::DVec3;
+
+use crate::mesh::{Face, Half, Mesh, MeshError, PerFace, PerVert, Vert};
+use crate::refine::{Inserts, Lineage, Place, Refined};
+
+/// A face that an edit removed.
+const DEAD: [Vert; 3] = [Vert::NONE; 3];
+/// A vertex whose faces are still those of the mesh.
+const UNTOUCHED: u32 = u32::MAX;
+
+/// The mesh under edit.
+pub(crate) struct Edit<'m> {
+    refined: &'m Refined,
+    /// Vertices below this index are old ones, the others were inserted.
+    n_old: usize,
+    points: PerVert<DVec3>,
+    faces: PerFace<[Vert; 3]>,
+    /// For each vertex its list in `around`, or `UNTOUCHED`.
+    list_of: PerVert<u32>,
+    around: Vec<Vec<Face>>,
+    /// For each vertex the one that it was collapsed into. `NONE` while it stands.
+    into: PerVert<Vert>,
+}
+
+/// What remains of a mesh after its edits.
+pub(crate) struct Edited {
+    pub mesh: Mesh,
+    pub lineage: Lineage,
+    /// For each vertex before the edits, the vertex that it is now, or was collapsed into. `[V]`
+    pub now: PerVert<Vert>,
+    /// Old vertices that were collapsed, ascending. An inserted vertex stands in the slot of each.
+    pub replaced: Vec<Vert>,
+}
+
+impl<'m> Edit<'m> {
+    pub(crate) fn new(refined: &'m Refined, n_old: usize) -> Self {
+        let mesh = &refined.mesh;
+        Self {
+            refined,
+            n_old,
+            points: mesh.points().to_vec().into(),
+            faces: mesh.faces().to_vec().into(),
+            list_of: PerVert::filled(mesh.n_verts(), UNTOUCHED),
+            around: Vec::new(),
+            into: PerVert::filled(mesh.n_verts(), Vert::NONE),
+        }
+    }
+
+    pub(crate) fn is_inserted(&self, v: Vert) -> bool {
+        v.index() >= self.n_old
+    }
+
+    pub(crate) fn point(&self, v: Vert) -> DVec3 {
+        self.points[v]
+    }
+
+    pub(crate) fn move_to(&mut self, v: Vert, point: DVec3) {
+        self.points[v] = point;
+    }
+
+    /// The corners of a face that stands.
+    pub(crate) fn corners(&self, f: Face) -> [Vert; 3] {
+        self.faces[f]
+    }
+
+    pub(crate) fn triangle(&self, f: Face) -> [DVec3; 3] {
+        self.faces[f].map(|v| self.points[v])
+    }
+
+    pub(crate) fn stands(&self, f: Face) -> bool {
+        self.faces[f] != DEAD
+    }
+
+    pub(crate) fn vert_stands(&self, v: Vert) -> bool {
+        !self.into[v].is_some()
+    }
+
+    /// The faces round `v`, in no particular but a reproducible order.
+    pub(crate) fn faces_at(&self, v: Vert) -> impl Iterator<Item = Face> + Clone + '_ {
+        let (touched, untouched): (&[Face], &[Half]) = match self.list_of[v] {
+            UNTOUCHED => (&[], self.refined.mesh.leaving(v)),
+            list => (&self.around[list as usize], &[]),
+        };
+        touched.iter().copied().chain(untouched.iter().map(|h| h.face()))
+    }
+
+    pub(crate) fn has_corner(&self, f: Face, v: Vert) -> bool {
+        self.faces[f].contains(&v)
+    }
+
+    /// The faces with both `a` and `b` as corners, if there are exactly two and they agree on the
+    /// orientation: first the one that runs from `a` to `b`.
+    pub(crate) fn faces_beside(&self, a: Vert, b: Vert) -> Option<[Face; 2]> {
+        let mut both = self.faces_at(a).filter(|&f| self.has_corner(f, b));
+        let (f, g) = (both.next()?, both.next()?);
+        if both.next().is_some() {
+            return None;
+        }
+        match (self.runs(f, a, b), self.runs(g, a, b)) {
+            (true, false) => Some([f, g]),
+            (false, true) => Some([g, f]),
+            _ => None,
+        }
+    }
+
+    /// Whether face `f` has `b` right after `a`.
+    fn runs(&self, f: Face, a: Vert, b: Vert) -> bool {
+        let t = self.faces[f];
+        (0..3).any(|i| t[i] == a && t[(i + 1) % 3] == b)
+    }
+
+    /// Whether some face has both `a` and `b` as corners.
+    pub(crate) fn are_neighbours(&self, a: Vert, b: Vert) -> bool {
+        self.faces_at(a).any(|f| self.has_corner(f, b))
+    }
+
+    /// The corner of `f` that is neither `a` nor `b`.
+    pub(crate) fn third(&self, f: Face, a: Vert, b: Vert) -> Vert {
+        self.faces[f].into_iter().find(|&v| v != a && v != b).unwrap_or(a)
+    }
+
+    /// The neighbours of `v`, ascending.
+    pub(crate) fn link(&self, v: Vert) -> Vec<Vert> {
+        let mut link: Vec<_> = self.faces_at(v).flat_map(|f| self.faces[f]).filter(|&w| w != v).collect();
+        link.sort_unstable();
+        link.dedup();
+        link
+    }
+
+    /// Whether every edge at `v` has exactly two faces that agree on its direction.
+    pub(crate) fn is_surrounded(&self, v: Vert) -> bool {
+        let mut neighbours: Vec<(Vert, bool)> = Vec::new();
+        for f in self.faces_at(v) {
+            let t = self.faces[f];
+            let i = t.iter().position(|&w| w == v).unwrap_or(0);
+            neighbours.extend([(t[(i + 1) % 3], false), (t[(i + 2) % 3], true)]);
+        }
+        neighbours.sort_unstable();
+        neighbours.chunk_by(|a, b| a.0 == b.0).all(|edge| edge.len() == 2 && edge[0].1 != edge[1].1)
+    }
+
+    /// The two faces that collapsing `gone` into `kept` would remove, if the surface stays a surface
+    /// with the same borders: `gone` has no border or non-manifold edge, the two have exactly the two
+    /// opposite vertices as common neighbours (the link condition), and these keep three neighbours.
+    pub(crate) fn collapsible(&self, gone: Vert, kept: Vert) -> Option<[Face; 2]> {
+        let beside = self.faces_beside(gone, kept)?;
+        let opposite = beside.map(|f| self.third(f, gone, kept));
+        if opposite[0] == opposite[1] || opposite.iter().any(|&v| self.link(v).len() <= 3) {
+            return None;
+        }
+        let (link, kept_link) = (self.link(gone), self.link(kept));
+        let common = link.iter().filter(|v| kept_link.binary_search(v).is_ok()).count();
+        (common == 2 && self.is_surrounded(gone)).then_some(beside)
+    }
+
+    /// Removes `gone` and the two faces beside `gone`-`kept`, which [`collapsible`](Self::collapsible)
+    /// allowed; its other faces go to `kept`. Their indices come back.
+    pub(crate) fn collapse(&mut self, gone: Vert, kept: Vert) -> Vec<Face> {
+        let (beside, others): (Vec<_>, Vec<_>) = self.faces_at(gone).partition(|&f| self.has_corner(f, kept));
+        for &f in &beside {
+            for v in self.faces[f] {
+                self.list(v).retain(|&g| g != f);
+            }
+            self.faces[f] = DEAD;
+        }
+        for &f in &others {
+            self.faces[f] = self.faces[f].map(|v| if v == gone { kept } else { v });
+        }
+        self.list(kept).extend(&others);
+        self.list(gone).clear();
+        self.into[gone] = kept;
+        others
+    }
+
+    /// Gives `f` and `g` the corners `t` and `u`: the two triangles that the other diagonal of their
+    /// quadrilateral makes.
+    pub(crate) fn flip(&mut self, [f, g]: [Face; 2], [t, u]: [[Vert; 3]; 2]) {
+        for (face, corners) in [(f, t), (g, u)] {
+            for v in self.faces[face] {
+                self.list(v).retain(|&h| h != face);
+            }
+            for v in corners {
+                self.list(v).push(face);
+            }
+            self.faces[face] = corners;
+        }
+    }
+
+    /// The faces round `v`, as a list of its own.
+    fn list(&mut self, v: Vert) -> &mut Vec<Face> {
+        if self.list_of[v] == UNTOUCHED {
+            self.list_of[v] = self.around.len() as u32;
+            self.around.push(self.refined.mesh.leaving(v).iter().map(|h| h.face()).collect());
+        }
+        &mut self.around[self.list_of[v] as usize]
+    }
+
+    /// Compacts the mesh: faces keep their order, an old vertex keeps its index, and the last inserted
+    /// vertices take the slots of old vertices that are gone. `before` is the mesh that was refined
+    /// with `inserts`.
+    ///
+    /// # Errors
+    /// Never, in fact: the mesh has fewer elements than before.
+    pub(crate) fn finish(self, before: &Mesh, inserts: &Inserts) -> Result<Edited, MeshError> {
+        let (now, replaced, points) = self.compact_verts();
+        let mut faces = Vec::with_capacity(self.faces.len());
+        let mut lineage = Lineage::default();
+        let mut parents = Vec::with_capacity(self.faces.len());
+        let mut places = Vec::with_capacity(3 * self.faces.len());
+        for f in self.refined.mesh.face_ids().filter(|&f| self.stands(f)) {
+            let parent = self.refined.lineage.parents[f];
+            let corners = self.corners(f);
+            for (i, v) in corners.into_iter().enumerate() {
+                let place = if v == self.refined.mesh.corners(f)[i] {
+                    self.refined.lineage.corners[f.half(i)]
+                } else {
+                    place_in(before, inserts, parent, v)
+                };
+                if place == Place::Foreign {
+                    let weights = barycentric(before.triangle(parent), self.points[v]);
+                    lineage.foreign.push((Half::new(places.len()), weights));
+                }
+                places.push(place);
+            }
+            parents.push(parent);
+            faces.push(corners.map(|v| now[v]));
+        }
+        lineage.parents = parents.into();
+        lineage.corners = places.into();
+        let mesh = Mesh::new(points, faces)?;
+        debug_assert_eq!(mesh.check(), Ok(()));
+        Ok(Edited { mesh, lineage, now, replaced })
+    }
+
+    /// New indices `[V]`, the old vertices that are gone, and the points in their new order.
+    fn compact_verts(&self) -> (PerVert<Vert>, Vec<Vert>, Vec<DVec3>) {
+        let n_verts = self.points.len();
+        let stands = |v: &Vert| self.vert_stands(*v);
+        let gone_old: Vec<Vert> = (0..self.n_old).map(Vert::new).filter(|v| !stands(v)).collect();
+        let mut inserted: Vec<Vert> = (self.n_old..n_verts).map(Vert::new).filter(stands).collect();
+        let movers = inserted.split_off(inserted.len().saturating_sub(gone_old.len()));
+
+        let mut now = PerVert::filled(n_verts, Vert::NONE);
+        let mut points = self.points.as_slice()[..self.n_old].to_vec();
+        for v in (0..self.n_old).map(Vert::new).filter(stands) {
+            now[v] = v;
+        }
+        for (&slot, &v) in gone_old.iter().zip(&movers) {
+            now[v] = slot;
+            points[slot.index()] = self.points[v];
+        }
+        for v in inserted {
+            now[v] = Vert::new(points.len());
+            points.push(self.points[v]);
+        }
+        for v in (0..n_verts).map(Vert::new).filter(|v| !stands(v)) {
+            let mut kept = v;
+            while self.into[kept].is_some() {
+                kept = self.into[kept];
+            }
+            now[v] = now[kept];
+        }
+        (now, gone_old, points)
+    }
+}
+
+/// Where `v` lies in `parent`: at a corner, on an edge, in the centre, or elsewhere.
+fn place_in(before: &Mesh, inserts: &Inserts, parent: Face, v: Vert) -> Place {
+    let number = |i: Option<usize>| i.map(|i| i as u8);
+    if let Some(i) = number(before.corners(parent).iter().position(|&w| w == v)) {
+        Place::Corner(i)
+    } else if let Some(i) = number(parent.halves().iter().position(|&h| inserts.on_edge[h] == v)) {
+        Place::Mid(i)
+    } else if inserts.centre(parent) == Some(v) {
+        Place::Centre
+    } else {
+        Place::Foreign
+    }
+}
+
+/// Barycentric coordinates of the point of the triangle's plane nearest to `p`, pulled into the
+/// triangle: attributes are mixed, never extrapolated.
+fn barycentric([a, b, c]: [DVec3; 3], p: DVec3) -> [f64; 3] {
+    let normal = (b - a).cross(c - a);
+    let area = normal.length_squared();
+    let weights = [(b, c), (c, a), (a, b)].map(|(q, r)| ((q - p).cross(r - p).dot(normal) / area).max(0.0));
+    let sum: f64 = weights.iter().sum();
+    if sum.is_finite() && sum > 0.0 { weights.map(|w| w / sum) } else { [1.0 / 3.0; 3] }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::tests::mesh;
+    use crate::refine::refine;
+    use glam::dvec3;
+
+    /// A regular hexagon round vertex 0, refined without inserts.
+    fn hexagon() -> (Mesh, Inserts, Refined) {
+        let mut points = vec![[0., 0., 0.]];
+        points.extend((0..6).map(|i| {
+            let angle = f64::from(i) * std::f64::consts::FRAC_PI_3;
+            [angle.cos(), angle.sin(), 0.]
+        }));
+        let faces: Vec<_> = (0..6).map(|i| [0, 1 + i, 1 + (i + 1) % 6]).collect();
+        let m = mesh(&points, &faces);
+        let inserts = Inserts::none(&m);
+        let refined = refine(&m, &inserts).unwrap();
+        (m, inserts, refined)
+    }
+
+    fn v(i: usize) -> Vert {
+        Vert::new(i)
+    }
+
+    #[test]
+    fn a_collapse_removes_two_faces_and_frees_a_slot_for_an_inserted_vertex() {
+        let (m, inserts, refined) = hexagon();
+        // Pretend that vertices 5 and 6 were inserted.
+        let mut edit = Edit::new(&refined, 5);
+        assert!(edit.collapsible(v(1), v(0)).is_none(), "a border vertex stays");
+        assert!(edit.collapsible(v(0), v(1)).is_none(), "its neighbours would keep too few");
+        let others = edit.collapse(v(0), v(1));
+        assert_eq!(others, [1, 2, 3, 4].map(Face::new));
+        let edited = edit.finish(&m, &inserts).unwrap();
+        let faces: Vec<_> = edited.mesh.faces().iter().map(|f| f.map(Vert::index)).collect();
+        // Vertex 6 takes slot 0.
+        assert_eq!(faces, [[1, 2, 3], [1, 3, 4], [1, 4, 5], [1, 5, 0]]);
+        assert_eq!(edited.mesh.point(v(0)), m.point(v(6)));
+        assert_eq!(edited.replaced, [v(0)]);
+        assert_eq!(edited.now.as_slice(), [1, 1, 2, 3, 4, 5, 0].map(v));
+        assert_eq!(edited.lineage.parents.as_slice(), [1, 2, 3, 4].map(Face::new));
+        assert_eq!(edited.lineage.corners[Half::new(0)], Place::Foreign);
+        assert_eq!(edited.lineage.foreign.len(), 4);
+    }
+
+    #[test]
+    fn a_flip_takes_the_other_diagonal() {
+        let (m, inserts, refined) = hexagon();
+        let mut edit = Edit::new(&refined, 7);
+        let [f, g] = edit.faces_beside(v(0), v(2)).unwrap();
+        assert_eq!([f, g], [Face::new(1), Face::new(0)]);
+        edit.flip([f, g], [[v(1), v(2), v(3)], [v(1), v(3), v(0)]]);
+        assert_eq!(edit.link(v(0)), [1, 3, 4, 5, 6].map(v));
+        assert_eq!(edit.link(v(1)), [0, 2, 3, 6].map(v));
+        let edited = edit.finish(&m, &inserts).unwrap();
+        assert_eq!(edited.mesh.corners(Face::new(1)), [v(1), v(2), v(3)]);
+        assert_eq!(edited.now.as_slice(), [0, 1, 2, 3, 4, 5, 6].map(v));
+    }
+
+    #[test]
+    fn misoriented_faces_are_not_beside_an_edge() {
+        let m = mesh(&[[0.; 3], [1., 0., 0.], [0., 1., 0.], [0., 0., 1.]], &[[0, 1, 2], [0, 1, 3]]);
+        let refined = refine(&m, &Inserts::none(&m)).unwrap();
+        let edit = Edit::new(&refined, 4);
+        assert_eq!(edit.faces_beside(v(0), v(1)), None);
+        assert!(!edit.is_surrounded(v(0)));
+    }
+
+    #[test]
+    fn barycentric_coordinates_stay_inside_the_triangle() {
+        let t = [dvec3(0., 0., 0.), dvec3(4., 0., 0.), dvec3(0., 4., 0.)];
+        assert_eq!(barycentric(t, dvec3(1., 1., 9.)), [0.5, 0.25, 0.25]);
+        assert_eq!(barycentric(t, dvec3(-4., 8., 0.)), [0.0, 0.0, 1.0]);
+        assert_eq!(barycentric([t[0]; 3], t[1]), [1.0 / 3.0; 3]);
+    }
+}
