@@ -1,0 +1,56 @@
+//! What a caller can choose.
+
+use crate::classify::{ClassifyOptions, SmoothThreshold};
+use crate::place::{PlaceRules, ShiftLimit};
+
+/// Which reading of the algorithm runs.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Method {
+    /// The six filters with the departures that were measured to be better.
+    #[default]
+    Filters,
+    /// The papers' algorithm to the letter (but for its two slips in the placement formula).
+    Paper,
+}
+
+/// What [`sharpen`](crate::sharpen) does. [`Options::default`] is what the command line does without
+/// any flag.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Options {
+    /// Which reading of the algorithm runs.
+    pub method: Method,
+    /// Which edges count as smooth.
+    pub smooth: SmoothThreshold,
+    /// The farthest that an inserted vertex may go from the middle, in lengths of the split edge.
+    /// [`Method::Paper`] has a rule of its own unless this is set.
+    pub max_shift: Option<f64>,
+    /// Whether the colours of the mesh come back in [`Sharpened::labels`](crate::Sharpened::labels).
+    pub keep_labels: bool,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self {
+            method: Method::default(),
+            smooth: SmoothThreshold::MeanTimes(2.0),
+            max_shift: None,
+            keep_labels: false,
+        }
+    }
+}
+
+impl Options {
+    pub(crate) fn classify_options(&self) -> ClassifyOptions {
+        ClassifyOptions { threshold: self.smooth, border_is_smooth: self.method != Method::Paper }
+    }
+
+    pub(crate) fn place_rules(&self) -> PlaceRules {
+        let rules = match self.method {
+            Method::Filters => PlaceRules::MEASURED,
+            Method::Paper => PlaceRules::STRICT,
+        };
+        let limit = self.max_shift.map_or(rules.limit, ShiftLimit::TimesSplitEdge);
+        PlaceRules { limit, ..rules }
+    }
+}

@@ -1,0 +1,121 @@
+//! What a run found and did, as data.
+
+use std::collections::BTreeMap;
+use std::time::Instant;
+
+use serde::Serialize;
+
+use crate::classify::Labels;
+use crate::collapse::CollapseCounts;
+use crate::mesh::{EdgeDefects, Mesh};
+use crate::options::Method;
+use crate::place::Outcome;
+
+/// Numbers of elements of a mesh.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct Size {
+    /// Vertices, used or not.
+    pub vertices: usize,
+    /// Triangles.
+    pub faces: usize,
+    /// Edges with one face, or with more than two.
+    pub border_edges: usize,
+    /// What is irregular about the edges.
+    #[serde(flatten)]
+    pub defects: EdgeDefects,
+}
+
+impl Size {
+    /// Counts the elements of `mesh`.
+    #[must_use]
+    pub fn of(mesh: &Mesh) -> Self {
+        Self {
+            vertices: mesh.n_verts(),
+            faces: mesh.n_faces(),
+            border_edges: mesh.halves().filter(|&h| mesh.is_border(h)).count(),
+            defects: mesh.defects(),
+        }
+    }
+}
+
+/// What the filters coloured.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Found {
+    /// Edges with a smaller dihedral angle counted as smooth, in degrees.
+    pub threshold_deg: f64,
+    /// Smooth (brown) edges.
+    pub smooth_edges: usize,
+    /// Red vertices after filter 1.
+    pub interior_vertices: usize,
+    /// Red faces after filter 3.
+    pub red_faces: usize,
+    /// Chamfer (blue) edges.
+    pub chamfer_edges: usize,
+    /// Corner triangles (green).
+    pub corner_triangles: usize,
+}
+
+impl Found {
+    pub(crate) fn of(mesh: &Mesh, labels: &Labels) -> Self {
+        Self {
+            threshold_deg: labels.threshold.to_degrees(),
+            smooth_edges: mesh.edges().filter(|&h| labels.smooth_edge[h]).count(),
+            interior_vertices: labels.interior_vertex.as_slice().iter().filter(|&&red| red).count(),
+            red_faces: labels.red_face.as_slice().iter().filter(|&&red| red).count(),
+            chamfer_edges: mesh.edges().filter(|&h| labels.chamfer_edge[h]).count(),
+            corner_triangles: labels.corner_faces.len(),
+        }
+    }
+}
+
+/// What a run found and did.
+#[derive(Clone, Debug, Default, Serialize)]
+pub struct Report {
+    /// Which reading of the algorithm ran.
+    pub method: Method,
+    /// The mesh that came in.
+    pub input: Size,
+    /// The mesh that went out.
+    pub output: Size,
+    /// What the filters coloured.
+    pub found: Found,
+    /// How many inserted vertices moved onto their feature, and how many stayed in the middle for which
+    /// reason.
+    pub inserted: BTreeMap<Outcome, usize>,
+    /// What became of degenerate faces.
+    pub degenerate_faces: CollapseCounts,
+    /// Old vertices that were collapsed; an inserted vertex has taken the index of each.
+    pub replaced_vertices: Vec<usize>,
+    /// Edges tagged as sharp in the output.
+    pub sharp_edges: usize,
+    /// Whether the output differs from the input at all.
+    pub changed: bool,
+    /// Seconds spent in each stage, in their order.
+    pub seconds: Seconds,
+}
+
+/// Seconds spent in each stage, in the order in which the stages ran.
+#[derive(Clone, Debug, Default)]
+pub struct Seconds(Vec<(&'static str, f64)>);
+
+impl Seconds {
+    /// Runs a stage and notes its time.
+    pub fn time<T>(&mut self, stage: &'static str, run: impl FnOnce() -> T) -> T {
+        let start = Instant::now();
+        let result = run();
+        self.0.push((stage, start.elapsed().as_secs_f64()));
+        result
+    }
+
+    /// The stages with their seconds, in their order.
+    #[must_use]
+    pub fn stages(&self) -> &[(&'static str, f64)] {
+        &self.0
+    }
+}
+
+impl Serialize for Seconds {
+    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_map(self.0.iter().copied())
+    }
+}
