@@ -30,6 +30,7 @@
 pub mod classify;
 pub mod collapse;
 mod edit;
+pub mod fit;
 pub mod geometry;
 pub mod mesh;
 pub mod options;
