@@ -27,11 +27,14 @@
 //! * The same: *Sharpen&Bend: Recovering curved sharp edges in triangle meshes produced by
 //!   feature-insensitive sampling*, IEEE TVCG 2005.
 
+pub mod attributes;
 pub mod classify;
 pub mod collapse;
 mod edit;
 pub mod fit;
+pub mod error;
 pub mod geometry;
+pub mod io;
 pub mod mesh;
 pub mod options;
 pub mod place;

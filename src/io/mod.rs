@@ -1,0 +1,164 @@
+//! Reading and writing meshes.
+//!
+//! A filter gives back what it got: positions keep their bits, vertices their order, unused ones too,
+//! and what a file says beyond the mesh travels in [`Attributes`]. The readers are our own because the
+//! ready ones were measured to re-order or drop vertices, to cut the mesh at material seams or to refuse
+//! harmless files; `tobj` is the oracle of the tests.
+//!
+//! No sequence of bytes makes a reader panic, and none makes it allocate more than a small multiple of
+//! the file's size.
+
+mod obj;
+mod text;
+mod triangulate;
+
+use std::fs;
+use std::io::Write;
+use std::path::Path;
+
+use glam::DVec3;
+
+use crate::attributes::Attributes;
+use crate::error::{Error, display_name};
+use crate::mesh::Vert;
+
+/// What a file holds: a mesh of triangles and all that is said about it.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Model {
+    /// All vertices in the file's order, used or not, bit for bit.
+    pub points: Vec<DVec3>,
+    /// All faces in the file's order; polygons are cut into triangles, which follow each other.
+    pub faces: Vec<[Vert; 3]>,
+    /// The rest.
+    pub attributes: Attributes,
+    /// What of the file is not kept, one line each.
+    pub notices: Vec<String>,
+}
+
+/// What to write: borrowed, so that a mesh can be written without a copy.
+#[derive(Clone, Copy, Debug)]
+pub struct View<'a> {
+    /// The vertices.
+    pub points: &'a [DVec3],
+    /// The faces.
+    pub faces: &'a [[Vert; 3]],
+    /// The rest.
+    pub attributes: &'a Attributes,
+}
+
+impl<'a> From<&'a Model> for View<'a> {
+    fn from(model: &'a Model) -> Self {
+        Self { points: &model.points, faces: &model.faces, attributes: &model.attributes }
+    }
+}
+
+/// Reads the mesh in the file `path`.
+///
+/// # Errors
+/// When the file cannot be read or its content is no mesh.
+pub fn read(path: &Path) -> Result<Model, Error> {
+    let bytes = fs::read(path).map_err(|source| Error::file(path, "read", source))?;
+    parse(&bytes, &display_name(path))
+}
+
+/// Reads the mesh in `bytes`; `name` stands for the file in errors.
+///
+/// # Errors
+/// When the content is no mesh.
+pub fn parse(bytes: &[u8], name: &str) -> Result<Model, Error> {
+    obj::parse(bytes).map_err(|fault| Error::content(name, fault))
+}
+
+/// Writes a mesh to the file `path`: to a temporary file beside it, which then takes its name, so that
+/// nobody ever sees half a file. An existing file keeps its permissions; a link stays one; what is not a
+/// regular file, like `/dev/null`, is written to.
+///
+/// # Errors
+/// When the file system refuses.
+pub fn write<'a>(path: &Path, view: impl Into<View<'a>>) -> Result<(), Error> {
+    let bytes = format(view);
+    replace(path, &bytes).map_err(|source| Error::file(path, "write", source))
+}
+
+/// A mesh as the bytes of a file.
+#[must_use]
+pub fn format<'a>(view: impl Into<View<'a>>) -> Vec<u8> {
+    obj::format(view.into())
+}
+
+/// Gives the file `path` the content `bytes` in one step.
+fn replace(path: &Path, bytes: &[u8]) -> std::io::Result<()> {
+    // A link is followed, so that the file it names is replaced and not the link.
+    let target = fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
+    let existing = fs::metadata(&target).ok();
+    if existing.as_ref().is_some_and(|file| !file.is_file()) {
+        return fs::OpenOptions::new().write(true).open(&target)?.write_all(bytes);
+    }
+    let folder = target.parent().filter(|folder| !folder.as_os_str().is_empty());
+    let mut builder = tempfile::Builder::new();
+    builder.prefix(".sharpen-").suffix(".tmp");
+    #[cfg(unix)]
+    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
+    let mut temporary = builder.tempfile_in(folder.unwrap_or(Path::new(".")))?;
+    temporary.write_all(bytes)?;
+    if let Some(existing) = existing {
+        temporary.as_file().set_permissions(existing.permissions())?;
+    }
+    temporary.persist(&target)?;
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const TRIANGLE: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
+
+    fn triangle() -> Model {
+        parse(TRIANGLE.as_bytes(), "test").expect("a triangle is a mesh")
+    }
+
+    #[test]
+    fn what_is_missing_or_a_folder_is_one_line() {
+        let folder = tempfile::tempdir().unwrap();
+        for path in [folder.path().to_owned(), folder.path().join("none.obj")] {
+            let message = read(&path).unwrap_err().to_string();
+            assert!(message.contains(": cannot read: ") && message.lines().count() == 1, "{message}");
+        }
+        let message = write(folder.path(), &triangle()).unwrap_err().to_string();
+        assert!(message.contains(": cannot write: "), "{message}");
+        let message = write(&folder.path().join("no/such.obj"), &triangle()).unwrap_err().to_string();
+        assert!(message.contains(": cannot write: ") && message.lines().count() == 1, "{message}");
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0, "something was left behind");
+    }
+
+    #[test]
+    fn input_may_be_output() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a ü.obj");
+        fs::write(&path, "# old\n".to_owned() + TRIANGLE).unwrap();
+        write(&path, &read(&path).unwrap()).unwrap();
+        assert_eq!(read(&path).unwrap().faces, triangle().faces);
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1, "a temporary file was left");
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn permissions_and_links_stay() {
+        use std::os::unix::fs::{PermissionsExt, symlink};
+        let folder = tempfile::tempdir().unwrap();
+        let (path, link) = (folder.path().join("a.obj"), folder.path().join("link.obj"));
+        fs::write(&path, "old").unwrap();
+        let usual = fs::metadata(&path).unwrap().permissions();
+        fs::set_permissions(&path, fs::Permissions::from_mode(0o600)).unwrap();
+        symlink("a.obj", &link).unwrap();
+        write(&link, &triangle()).unwrap();
+        assert!(fs::symlink_metadata(&link).unwrap().is_symlink());
+        assert_eq!(fs::read_to_string(&path).unwrap(), TRIANGLE);
+        assert_eq!(fs::metadata(&path).unwrap().permissions().mode() & 0o777, 0o600);
+        let new = folder.path().join("new.obj");
+        write(&new, &triangle()).unwrap();
+        assert_eq!(fs::metadata(&new).unwrap().permissions(), usual, "the umask is not respected");
+        write(Path::new("/dev/null"), &triangle()).unwrap();
+    }
+}

@@ -1,0 +1,530 @@
+//! Cuts polygons into triangles.
+//!
+//! Every polygon of n corners gives exactly n - 2 triangles that use all of its corners, so no edge to
+//! a neighbour opens and nothing is lost, however degenerate it is. A simple polygon, concave or with
+//! flat corners, is cut inside and without overlap: ears are clipped, the shortest diagonal first, which
+//! for a quadrilateral is the shorter diagonal that stays inside.
+//!
+//! Based on: Meisters, "Polygons have ears", 1975; a kd-tree finds the corners inside an ear.
+//! Differs: ear clippers made for drawing (earcut) drop flat and repeated corners; that would tear the
+//! mesh. A polygon that crosses itself has no right cut: it gets some cut, in the same time.
+//! In/out: corners `[n]` in order; triples of corner numbers, in the polygon's orientation.
+//! Cost: O(n log n) for all but contrived polygons; a budget keeps those near it, too.
+
+use std::cmp::Reverse;
+use std::collections::BinaryHeap;
+
+use glam::{DVec2, DVec3};
+
+/// Cuts the polygon `corners` and appends its triangles, as numbers of corners, to `triangles`.
+pub(super) fn triangulate(corners: &[DVec3], triangles: &mut Vec<[u32; 3]>) {
+    match corners {
+        [] | [_] | [_, _] => {}
+        [_, _, _] => triangles.push([0, 1, 2]),
+        [a, b, c, d] => triangles.extend(quadrilateral([*a, *b, *c, *d])),
+        _ => Clipper::new(corners).clip_all(triangles),
+    }
+}
+
+/// The shorter diagonal that leaves a triangle on each side of it; if none does, the shorter.
+fn quadrilateral(corners: [DVec3; 4]) -> [[u32; 3]; 2] {
+    let unit = unit_of(&corners);
+    let [a, b, c, d] = corners.map(|p| p / unit);
+    let normal = (c - a).cross(d - b);
+    let is_turned = |p: DVec3, q: DVec3, r: DVec3| (q - p).cross(r - p).dot(normal) > 0.0;
+    let is_inside = [is_turned(a, b, c) && is_turned(a, c, d), is_turned(a, b, d) && is_turned(b, c, d)];
+    let takes_second = match is_inside {
+        [true, false] => false,
+        [false, true] => true,
+        _ => b.distance_squared(d) < a.distance_squared(c),
+    };
+    if takes_second { [[0, 1, 3], [1, 2, 3]] } else { [[0, 1, 2], [0, 2, 3]] }
+}
+
+/// The largest coordinate; 1 where there is none but zero.
+fn unit_of(corners: &[DVec3]) -> f64 {
+    let largest = corners.iter().fold(0.0, |most: f64, p| most.max(p.abs().max_element()));
+    if largest > 0.0 { largest } else { 1.0 }
+}
+
+/// Twice the area of a triangle, positive when it turns to the left.
+fn turn(a: DVec2, b: DVec2, c: DVec2) -> f64 {
+    (b - a).perp_dot(c - a)
+}
+
+/// Clips the ears of one polygon.
+struct Clipper {
+    /// The corners in space, and in the plane whose axes span the polygon best; there the polygon runs
+    /// counter-clockwise.
+    space: Vec<DVec3>,
+    plane: Vec<DVec2>,
+    next: Vec<u32>,
+    previous: Vec<u32>,
+    left: usize,
+    tree: Tree,
+    /// Ears to try: the length of the diagonal, squared, as bits (which order like the number), and
+    /// previous corner, tip and next corner.
+    ears: BinaryHeap<Reverse<(u64, [u32; 3])>>,
+    /// How many more corners may be looked at before any corner is taken for an ear.
+    budget: usize,
+}
+
+impl Clipper {
+    /// Looks per corner and in all. Simple polygons of random corners need 30 to 100 per corner.
+    const BUDGET: [usize; 2] = [400, 1_000_000];
+    /// How often an ear is forced before the polygon is given up as one that crosses itself.
+    const PATIENCE: usize = 32;
+
+    fn new(corners: &[DVec3]) -> Self {
+        let unit = unit_of(corners);
+        let space: Vec<DVec3> = corners.iter().map(|&p| p / unit - corners[0] / unit).collect();
+        let plane = flattened(&space);
+        let n = space.len() as u32;
+        Self {
+            next: (0..n).map(|i| (i + 1) % n).collect(),
+            previous: (0..n).map(|i| (i + n - 1) % n).collect(),
+            left: corners.len(),
+            tree: Tree::new(&plane),
+            ears: BinaryHeap::with_capacity(corners.len()),
+            budget: Self::BUDGET[0] * corners.len() + Self::BUDGET[1],
+            space,
+            plane,
+        }
+    }
+
+    fn clip_all(mut self, triangles: &mut Vec<[u32; 3]>) {
+        triangles.reserve(self.left - 2);
+        let mut some = 0;
+        let mut patience = Self::PATIENCE;
+        self.push_all(some);
+        while self.left > 3 {
+            let ear = match self.pop_ear() {
+                Some(ear) => ear,
+                None if patience > 0 && self.budget > 0 => {
+                    patience -= 1;
+                    self.push_all(some);
+                    // The heap holds every corner now; the best is forced, and all have another chance.
+                    match self.ears.pop() {
+                        Some(Reverse((_, ear))) => ear,
+                        None => self.triple(some),
+                    }
+                }
+                None => {
+                    self.budget = 0;
+                    self.triple(some)
+                }
+            };
+            triangles.push(ear);
+            some = ear[0];
+            self.clip(ear);
+        }
+        triangles.push(self.triple(some));
+    }
+
+    fn triple(&self, tip: u32) -> [u32; 3] {
+        [self.previous[tip as usize], tip, self.next[tip as usize]]
+    }
+
+    /// The next ear that holds no other corner; without a budget, the next at all.
+    fn pop_ear(&mut self) -> Option<[u32; 3]> {
+        while let Some(Reverse((_, ear))) = self.ears.pop() {
+            let is_current = self.triple(ear[1]) == ear;
+            if is_current && (self.budget == 0 || self.is_ear(ear)) {
+                return Some(ear);
+            }
+        }
+        None
+    }
+
+    fn is_ear(&mut self, [a, tip, c]: [u32; 3]) -> bool {
+        let triangle = [a, tip, c].map(|i| self.plane[i as usize]);
+        if turn(triangle[0], triangle[1], triangle[2]) <= 0.0 {
+            return false;
+        }
+        let (plane, next, previous) = (&self.plane, &self.next, &self.previous);
+        let blocks = |i: u32| {
+            let p = plane[i as usize];
+            if i == a || i == tip || i == c || p == triangle[0] || p == triangle[2] {
+                return false;
+            }
+            if p != triangle[1] {
+                return (0..3).all(|k| turn(triangle[k], triangle[(k + 1) % 3], p) >= 0.0);
+            }
+            // Another corner in the same place as the tip blocks if an edge of it runs into the ear.
+            [next[i as usize], previous[i as usize]].map(|end| plane[end as usize]).iter().any(|&end| {
+                turn(triangle[0], triangle[1], end) > 0.0 && turn(triangle[1], triangle[2], end) > 0.0
+            })
+        };
+        !self.tree.any_in(&triangle, blocks, &mut self.budget)
+    }
+
+    fn clip(&mut self, [a, tip, c]: [u32; 3]) {
+        self.next[a as usize] = c;
+        self.previous[c as usize] = a;
+        // A clipped corner is its own neighbour: no ear in the heap is current at it any more.
+        self.next[tip as usize] = tip;
+        self.previous[tip as usize] = tip;
+        self.tree.remove(tip);
+        self.left -= 1;
+        self.push(a);
+        self.push(c);
+    }
+
+    fn push(&mut self, tip: u32) {
+        let ear = self.triple(tip);
+        let [a, _, c] = ear.map(|i| self.space[i as usize]);
+        let [p, q, r] = ear.map(|i| self.plane[i as usize]);
+        // Corners that are not convex come last: they are forced only when nothing else is left.
+        let bits = a.distance_squared(c).to_bits() | (u64::from(turn(p, q, r) <= 0.0) << 63);
+        self.ears.push(Reverse((bits, ear)));
+    }
+
+    fn push_all(&mut self, some: u32) {
+        self.ears.clear();
+        let mut tip = some;
+        loop {
+            self.push(tip);
+            tip = self.next[tip as usize];
+            if tip == some {
+                return;
+            }
+        }
+    }
+}
+
+/// The polygon without the coordinate along which its normal (Newell's) is longest, counter-clockwise.
+fn flattened(space: &[DVec3]) -> Vec<DVec2> {
+    let edges = space.iter().zip(space.iter().cycle().skip(1));
+    let normal = edges.fold(DVec3::ZERO, |sum, (&p, &q)| sum + p.cross(q));
+    let size = normal.abs();
+    let axes: fn(&DVec3) -> DVec2 = if size.z >= size.x && size.z >= size.y {
+        if normal.z >= 0.0 { |p| DVec2::new(p.x, p.y) } else { |p| DVec2::new(p.y, p.x) }
+    } else if size.y >= size.x {
+        if normal.y >= 0.0 { |p| DVec2::new(p.z, p.x) } else { |p| DVec2::new(p.x, p.z) }
+    } else if normal.x >= 0.0 {
+        |p| DVec2::new(p.y, p.z)
+    } else {
+        |p| DVec2::new(p.z, p.y)
+    };
+    space.iter().map(axes).collect()
+}
+
+/// A kd-tree from which points can be removed.
+struct Tree {
+    points: Vec<DVec2>,
+    /// The points so that each node owns a range; a node's halves are its children's.
+    order: Vec<u32>,
+    /// Where each point stands in `order`; whether it was removed.
+    rank: Vec<u32>,
+    is_removed: Vec<bool>,
+    /// By node; the children of node k are 2k + 1 and 2k + 2.
+    boxes: Vec<(DVec2, DVec2)>,
+    alive: Vec<u32>,
+}
+
+impl Tree {
+    const LEAF: usize = 8;
+
+    fn new(points: &[DVec2]) -> Self {
+        let n = points.len();
+        let nodes = 2 * n.div_ceil(Self::LEAF).next_power_of_two();
+        let mut tree = Self {
+            points: points.to_vec(),
+            order: (0..n as u32).collect(),
+            rank: vec![0; n],
+            is_removed: vec![false; n],
+            boxes: vec![(DVec2::ZERO, DVec2::ZERO); nodes],
+            alive: vec![0; nodes],
+        };
+        tree.build(0, 0, n);
+        for (rank, &i) in tree.order.iter().enumerate() {
+            tree.rank[i as usize] = rank as u32;
+        }
+        tree
+    }
+
+    fn build(&mut self, node: usize, from: usize, to: usize) {
+        let points = &self.points;
+        let range = &mut self.order[from..to];
+        let first = points[range[0] as usize];
+        let (low, high) = range.iter().fold((first, first), |(low, high), &i| {
+            (low.min(points[i as usize]), high.max(points[i as usize]))
+        });
+        self.boxes[node] = (low, high);
+        self.alive[node] = (to - from) as u32;
+        if to - from > Self::LEAF {
+            let by_y = high.y - low.y > high.x - low.x;
+            let key = |i: u32| if by_y { points[i as usize].y } else { points[i as usize].x };
+            range.select_nth_unstable_by((to - from) / 2, |&i, &j| key(i).total_cmp(&key(j)).then(i.cmp(&j)));
+            let middle = usize::midpoint(from, to);
+            self.build(2 * node + 1, from, middle);
+            self.build(2 * node + 2, middle, to);
+        }
+    }
+
+    fn remove(&mut self, point: u32) {
+        self.is_removed[point as usize] = true;
+        let rank = self.rank[point as usize] as usize;
+        let (mut node, mut from, mut to) = (0, 0, self.order.len());
+        self.alive[node] -= 1;
+        while to - from > Self::LEAF {
+            let middle = usize::midpoint(from, to);
+            (node, from, to) =
+                if rank < middle { (2 * node + 1, from, middle) } else { (2 * node + 2, middle, to) };
+            self.alive[node] -= 1;
+        }
+    }
+
+    /// Whether `test` holds for some point that is left near `triangle`; also when the budget, one per
+    /// look, runs out.
+    fn any_in(&self, triangle: &[DVec2; 3], test: impl Fn(u32) -> bool, budget: &mut usize) -> bool {
+        let mut stack = vec![(0, 0, self.order.len())];
+        while let Some((node, from, to)) = stack.pop() {
+            let cost = if to - from > Self::LEAF { 1 } else { 1 + to - from };
+            *budget = budget.saturating_sub(cost);
+            if *budget == 0 {
+                return true;
+            }
+            if self.alive[node] == 0 || is_apart(triangle, self.boxes[node]) {
+                continue;
+            }
+            if to - from > Self::LEAF {
+                let middle = usize::midpoint(from, to);
+                stack.push((2 * node + 1, from, middle));
+                stack.push((2 * node + 2, middle, to));
+            } else if self.order[from..to].iter().any(|&i| !self.is_removed[i as usize] && test(i)) {
+                return true;
+            }
+        }
+        false
+    }
+}
+
+/// Whether the box is beyond a side of the triangle (which turns to the left), or of its own.
+fn is_apart(triangle: &[DVec2; 3], (low, high): (DVec2, DVec2)) -> bool {
+    let [a, b, c] = *triangle;
+    if a.max(b).max(c).cmplt(low).any() || a.min(b).min(c).cmpgt(high).any() {
+        return true;
+    }
+    let (centre, half) = ((low + high) * 0.5, (high - low) * 0.5);
+    [(a, b), (b, c), (c, a)].into_iter().any(|(p, q)| {
+        let inward = (q - p).perp();
+        // A little slack: a point on the side must be found whatever the rounding.
+        inward.dot(centre - p) + inward.abs().dot(half) < -1e-12 * inward.abs().element_sum()
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::dvec3;
+    use proptest::prelude::*;
+
+    fn cut(corners: &[DVec3]) -> Vec<[u32; 3]> {
+        let mut triangles = Vec::new();
+        triangulate(corners, &mut triangles);
+        triangles
+    }
+
+    fn flat(corners: &[[f64; 2]]) -> Vec<DVec3> {
+        corners.iter().map(|&[x, y]| dvec3(x, y, 0.0)).collect()
+    }
+
+    fn area(corners: &[DVec3], [a, b, c]: [u32; 3]) -> DVec3 {
+        let [a, b, c] = [a, b, c].map(|i| corners[i as usize]);
+        0.5 * (b - a).cross(c - a)
+    }
+
+    /// All triangles turn the same way and their areas add up: the cut is inside, without overlap.
+    fn assert_sound(corners: &[DVec3], triangles: &[[u32; 3]]) {
+        assert_eq!(triangles.len(), corners.len() - 2);
+        let whole: DVec3 = (1..corners.len() as u32 - 1).map(|i| area(corners, [0, i, i + 1])).sum();
+        let parts: Vec<DVec3> = triangles.iter().map(|&t| area(corners, t)).collect();
+        let sum: f64 = parts.iter().map(|part| part.dot(whole.normalize())).sum();
+        assert!((sum - whole.length()).abs() < 1e-9 * whole.length(), "{sum} of {whole}");
+        for (part, triangle) in parts.iter().zip(triangles) {
+            assert!(part.dot(whole) >= -1e-12 * whole.length_squared(), "{triangle:?} is turned over");
+        }
+        assert_edges(corners.len() as u32, triangles);
+    }
+
+    /// Every side of the polygon is a side of exactly one triangle, every other side of exactly two.
+    fn assert_edges(n: u32, triangles: &[[u32; 3]]) {
+        let mut sides: Vec<(u32, u32)> =
+            triangles.iter().flat_map(|&[a, b, c]| [(a, b), (b, c), (c, a)]).collect();
+        sides.sort_unstable();
+        let is_side = |a: u32, b: u32| sides.binary_search(&(a, b)).is_ok();
+        assert!(sides.windows(2).all(|pair| pair[0] != pair[1]), "a side comes twice");
+        assert!((0..n).all(|i| is_side(i, (i + 1) % n)), "a side of the polygon is lost");
+        for &(a, b) in &sides {
+            assert!(is_side(b, a) != ((a + 1) % n == b), "the side {a}-{b} does not fit");
+        }
+    }
+
+    // 3---2      A square keeps the diagonal from its first corner; a longer one goes.
+    // | / |
+    // 0---1
+    #[test]
+    fn a_quadrilateral_is_cut_by_its_shorter_diagonal() {
+        assert_eq!(cut(&flat(&[[0., 0.], [1., 0.], [1., 1.], [0., 1.]])), [[0, 1, 2], [0, 2, 3]]);
+        assert_eq!(cut(&flat(&[[0., 0.], [1., 0.], [3., 2.], [0., 1.]])), [[0, 1, 3], [1, 2, 3]]);
+    }
+
+    //     2          The shorter diagonal 1-3 is outside.
+    //   / 3 \
+    //  0     1   as an arrow head: 0 3 1 2 in this order
+    #[test]
+    fn an_arrow_head_is_cut_inside() {
+        let arrow = flat(&[[-4., 0.], [0., 3.], [4., 0.], [0., 4.]]);
+        assert_eq!(cut(&arrow), [[0, 1, 3], [1, 2, 3]]);
+        let turned = flat(&[[0., 3.], [4., 0.], [0., 4.], [-4., 0.]]);
+        assert_eq!(cut(&turned), [[0, 1, 2], [0, 2, 3]]);
+    }
+
+    #[test]
+    fn a_flat_corner_of_a_quadrilateral_gets_no_flat_triangle() {
+        // The diagonal 0-2 is the shorter one but passes through corner 1.
+        let corners = flat(&[[0., 0.], [1., 0.], [2., 0.], [1., 9.]]);
+        assert_eq!(cut(&corners), [[0, 1, 3], [1, 2, 3]]);
+    }
+
+    // A comb of three teeth, standing, lying, seen from behind.
+    #[test]
+    fn a_comb_is_cut_inside_in_any_plane() {
+        let comb = [
+            [0., 0.],
+            [7., 0.],
+            [7., 5.],
+            [6., 5.],
+            [5., 1.],
+            [4., 1.],
+            [3., 5.],
+            [2., 1.],
+            [1., 1.],
+            [0., 5.],
+        ];
+        let maps: [fn([f64; 2]) -> DVec3; 6] = [
+            |[x, y]| dvec3(x, y, 0.),
+            |[x, y]| dvec3(y, x, 3.),
+            |[x, y]| dvec3(0., x, y),
+            |[x, y]| dvec3(9., y, x),
+            |[x, y]| dvec3(y, 0., x),
+            |[x, y]| dvec3(x, x + y, 2. * y),
+        ];
+        for map in maps {
+            let corners = comb.map(map);
+            assert_sound(&corners, &cut(&corners));
+        }
+    }
+
+    #[test]
+    fn flat_corners_are_kept() {
+        // A square with two more corners on each side.
+        let corners: Vec<DVec3> = (0..12)
+            .map(|i| {
+                let t = f64::from(i % 3) / 3.0;
+                [dvec3(t, 0., 0.), dvec3(1., t, 0.), dvec3(1. - t, 1., 0.), dvec3(0., 1. - t, 0.)]
+                    [i as usize / 3]
+            })
+            .collect();
+        let triangles = cut(&corners);
+        assert_sound(&corners, &triangles);
+        assert!(triangles.iter().all(|&t| area(&corners, t).length() > 1e-3), "a flat triangle");
+    }
+
+    // 3-----------2
+    // |   6---5   |    The hole is joined to the rim by a cut from 0 to 4 and back (7 = 4, 8 = 0).
+    // |   |   |   |
+    // |   .---.   |
+    // 0-----------1
+    #[test]
+    fn a_hole_on_a_cut_stays_open() {
+        let corners = flat(&[
+            [0., 0.],
+            [9., 0.],
+            [9., 9.],
+            [0., 9.],
+            [0., 0.],
+            [3., 3.],
+            [3., 6.],
+            [6., 6.],
+            [6., 3.],
+            [3., 3.],
+        ]);
+        assert_sound(&corners, &cut(&corners));
+    }
+
+    #[test]
+    fn degenerate_polygons_lose_no_triangle() {
+        let cases = [
+            vec![DVec3::ZERO; 7],
+            (0..9).map(|i| dvec3(f64::from(i), 0., 0.)).collect(),
+            flat(&[[0., 0.], [2., 2.], [2., 0.], [0., 2.], [1., 5.]]),
+            flat(&[[0., 0.], [1., 0.], [0., 0.], [1., 0.], [0., 1.]]),
+            vec![
+                dvec3(1e300, 0., 0.),
+                dvec3(0., 1e300, 0.),
+                dvec3(-1e300, 0., 0.),
+                dvec3(0., -1e300, 0.),
+                dvec3(1e-300, 2e299, 1e300),
+            ],
+            vec![
+                dvec3(5e-324, 0., 0.),
+                dvec3(0., 5e-324, 0.),
+                dvec3(-5e-324, 0., 0.),
+                dvec3(0., -5e-324, 0.),
+                DVec3::ZERO,
+            ],
+        ];
+        for corners in cases {
+            let triangles = cut(&corners);
+            assert_eq!(triangles.len(), corners.len() - 2);
+            assert_edges(corners.len() as u32, &triangles);
+        }
+    }
+
+    #[test]
+    fn polygons_of_many_corners_take_little_time() {
+        let n = 20_000;
+        let angle = |i: u32| f64::from(i) / f64::from(n) * std::f64::consts::TAU;
+        let circle: Vec<DVec3> = (0..n).map(|i| dvec3(angle(i).cos(), angle(i).sin(), 0.)).collect();
+        let star = |i: u32| if i.is_multiple_of(2) { 1.0 } else { 0.01 };
+        let star: Vec<DVec3> = (0..n).map(|i| star(i) * dvec3(angle(i).cos(), angle(i).sin(), 0.)).collect();
+        let spiral: Vec<DVec3> = (0..n)
+            .map(|i| {
+                let (k, width) = if i < n / 2 { (i, 0.0) } else { (n - 1 - i, 0.4) };
+                let t = f64::from(k) / f64::from(n) * 120.0;
+                (1.0 + t + width) * dvec3(t.cos(), t.sin(), 0.)
+            })
+            .collect();
+        let start = std::time::Instant::now();
+        for corners in [circle, star, spiral] {
+            assert_sound(&corners, &cut(&corners));
+        }
+        // Milliseconds in release; the bound only tells n log n from n^2.
+        assert!(start.elapsed().as_secs() < 20, "{:?}", start.elapsed());
+    }
+
+    proptest! {
+        #[test]
+        fn star_shaped_polygons_are_cut_inside(radii in proptest::collection::vec(0.01..1.0f64, 5..80)) {
+            let n = radii.len() as f64;
+            let corners: Vec<DVec3> = radii.iter().enumerate().map(|(i, r)| {
+                let angle = i as f64 / n * std::f64::consts::TAU;
+                *r * dvec3(angle.cos(), angle.sin(), angle.cos() - 0.5 * angle.sin())
+            }).collect();
+            assert_sound(&corners, &cut(&corners));
+        }
+
+        #[test]
+        fn any_polygon_gives_two_triangles_less_than_corners(
+            corners in proptest::collection::vec((0..5i8, 0..5i8, 0..2i8), 3..40)
+        ) {
+            let corners: Vec<DVec3> =
+                corners.iter().map(|&(x, y, z)| dvec3(x.into(), y.into(), z.into())).collect();
+            let triangles = cut(&corners);
+            assert_eq!(triangles.len(), corners.len() - 2);
+            assert_edges(corners.len() as u32, &triangles);
+        }
+    }
+}
