@@ -580,7 +580,8 @@ fn pair_twins(n_verts: usize, faces: &[[Vert; 3]]) -> (PerHalf<Half>, EdgeDefect
     (twins, defects)
 }
 
-fn has_repeated_vertex(&[a, b, c]: &[Vert; 3]) -> bool {
+/// Whether a face is no triangle at all.
+pub(crate) fn has_repeated_vertex(&[a, b, c]: &[Vert; 3]) -> bool {
     a == b || b == c || c == a
 }
 

@@ -18,7 +18,7 @@
 
 use glam::DVec3;
 
-use crate::mesh::{Face, Half, Mesh, MeshError, PerFace, PerHalf, Vert};
+use crate::mesh::{Face, Half, Mesh, MeshError, PerFace, PerHalf, Vert, has_repeated_vertex};
 
 /// New vertices for a mesh, as data: who makes them (sharpening, bending) does not matter here.
 ///
@@ -49,13 +49,23 @@ impl Inserts {
 
     /// Splits the edges for which `is_split` holds, in the order of [`Mesh::edges`], and puts a vertex
     /// into each of `faces` (ascending). The new vertices stay in the middle until they are placed.
+    ///
+    /// The half-edges of a non-manifold or misoriented edge get one vertex in common, at the first of
+    /// them that is split, so that the faces hang together after the split as they did before.
     pub fn in_the_middle(mesh: &Mesh, is_split: impl Fn(Half) -> bool, faces: &[Face]) -> Self {
         let mut inserts = Self::none(mesh);
+        let knots = Knots::of(mesh);
         for h in mesh.edges().filter(|&h| is_split(h)) {
+            if inserts.on_edge[h].is_some() {
+                continue;
+            }
             let vertex = Vert::new(mesh.n_verts() + inserts.points.len());
             inserts.on_edge[h] = vertex;
             if let Some(twin) = mesh.twin(h) {
                 inserts.on_edge[twin] = vertex;
+            }
+            for &(_, g) in knots.around(mesh, h) {
+                inserts.on_edge[g] = vertex;
             }
             inserts.points.push(mesh.point(mesh.from(h)).midpoint(mesh.point(mesh.to(h))));
         }
@@ -78,6 +88,48 @@ impl Inserts {
     pub fn centre(&self, f: Face) -> Option<Vert> {
         self.in_face.binary_search_by_key(&f, |&(face, _)| face).ok().map(|i| self.in_face[i].1)
     }
+}
+
+/// The edges whose half-edges are no twins although they join the same two vertices: three faces or more
+/// meet there, or two that run the same way. To every other pass they are borders.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Knots {
+    /// Their half-edges with both vertices, the lower one first; ascending.
+    halves: Vec<([Vert; 2], Half)>,
+}
+
+impl Knots {
+    /// Finds them: O(1) in a mesh without any, else a sort of the borders.
+    pub(crate) fn of(mesh: &Mesh) -> Self {
+        let defects = mesh.defects();
+        if defects.non_manifold_edges + defects.misoriented_edges == 0 {
+            return Self::default();
+        }
+        // A face that names a vertex twice bounds nothing: it must not knot its sound neighbours.
+        let is_collapsed = |f: Face| has_repeated_vertex(&mesh.corners(f));
+        let borders = mesh.halves().filter(|&h| mesh.is_border(h) && !is_collapsed(h.face()));
+        let mut borders: Vec<_> = borders.map(|h| (ends(mesh, h), h)).collect();
+        borders.sort_unstable();
+        let knots = borders.chunk_by(|a, b| a.0 == b.0).filter(|edge| edge.len() > 1);
+        Self { halves: knots.flatten().copied().collect() }
+    }
+
+    /// All half-edges of the edge of `h`, `h` among them; none when it is no knot.
+    pub(crate) fn around(&self, mesh: &Mesh, h: Half) -> &[([Vert; 2], Half)] {
+        if self.halves.is_empty() || !mesh.is_border(h) {
+            return &[];
+        }
+        let pair = ends(mesh, h);
+        let start = self.halves.partition_point(|&(other, _)| other < pair);
+        let length = self.halves[start..].partition_point(|&(other, _)| other == pair);
+        &self.halves[start..start + length]
+    }
+}
+
+/// The two vertices of the edge of `h`, the lower one first.
+fn ends(mesh: &Mesh, h: Half) -> [Vert; 2] {
+    let (a, b) = (mesh.from(h), mesh.to(h));
+    [a.min(b), a.max(b)]
 }
 
 /// Where a corner of a new face lies in the face's parent.
@@ -354,5 +406,26 @@ mod tests {
         assert_eq!(faces(&r), [[2, 4, 3], [4, 0, 3], [0, 1, 3]]);
         assert_eq!(r.mesh.point(Vert::new(1)), dvec3(-9., 0., 0.));
         assert_eq!(r.mesh.point(Vert::new(4)), dvec3(8., 8., 8.));
+    }
+
+    #[test]
+    fn the_faces_of_a_non_manifold_edge_share_its_new_vertex() {
+        // Three faces on 0-1, each a half-edge of its own there.
+        let points = [[0., 0., 0.], [2., 0., 0.], [1., 1., 0.], [1., -1., 0.], [1., 0., 1.]];
+        let m = mesh(&points, &[[0, 1, 2], [1, 0, 3], [0, 1, 4]]);
+        let r = refined(&m, &[0, 3, 6], &[]);
+        assert_eq!(faces(&r), [[0, 5, 2], [5, 1, 2], [1, 5, 3], [5, 0, 3], [0, 5, 4], [5, 1, 4]]);
+        assert_eq!(r.mesh.defects().non_manifold_edges, 2);
+        // One of them is enough: the others must follow.
+        assert_eq!(faces(&refined(&m, &[6], &[])), faces(&r));
+    }
+
+    #[test]
+    fn a_face_that_names_a_vertex_twice_does_not_share() {
+        let points = [[0., 0., 0.], [2., 0., 0.], [1., 1., 0.], [1., -1., 0.], [1., 0., 1.]];
+        let m = mesh(&points, &[[0, 1, 1], [0, 1, 2], [1, 0, 3], [2, 3, 4], [2, 3, 4]]);
+        let inserts = Inserts::in_the_middle(&m, |h| h.face() == Face::new(0) || h == Half::new(3), &[]);
+        let on_edge = |h: usize| inserts.on_edge[Half::new(h)].index();
+        assert_eq!([0, 1, 2, 3, 6].map(on_edge), [5, 6, 7, 8, 8]);
     }
 }

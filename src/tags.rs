@@ -7,7 +7,10 @@
 //! In/out: the cleaned mesh and what is tagged -> `Tags`.
 //! Cost: O(edges at tagged vertices).
 
+use glam::DVec3;
+
 use crate::classify::dihedral_angle;
+use crate::geometry::angle_between;
 use crate::mesh::{Half, Mesh, PerHalf, PerVert, Vert};
 
 /// An edge with a smaller dihedral angle in the output is not sharp, in radians: 15 degrees. With it a
@@ -76,16 +79,72 @@ impl Tags {
     #[must_use]
     pub fn sharp_halves(&self, mesh: &Mesh) -> PerHalf<bool> {
         let mut flags = PerHalf::filled(mesh.n_halves(), false);
-        for &[a, b] in &self.sharp {
-            for (from, to) in [(a, b), (b, a)] {
-                let along = |h: &&Half| mesh.to(**h) == to;
-                for &h in mesh.leaving(from).iter().filter(along) {
-                    flags[h] = true;
-                }
+        // One look at a fan finds all its sharp edges, be they two or a hundred thousand.
+        for spokes in self.directed().chunk_by(|a, b| a[0] == b[0]) {
+            let leaving =
+                if spokes[0][0].index() < mesh.n_verts() { mesh.leaving(spokes[0][0]) } else { &[] };
+            for &h in leaving {
+                flags[h] = spokes.binary_search(&[mesh.from(h), mesh.to(h)]).is_ok();
             }
         }
         flags
     }
+
+    /// The sharp edges in both directions, ascending.
+    fn directed(&self) -> Vec<[Vert; 2]> {
+        let mut directed: Vec<_> = self.sharp.iter().flat_map(|&[a, b]| [[a, b], [b, a]]).collect();
+        directed.sort_unstable();
+        directed
+    }
+}
+
+/// Tags the edges with two faces that meet at a dihedral angle of `radians` or more: the sharp edges of a
+/// mesh that nothing else is known of. A face without area has no angle.
+///
+/// Based on: the threshold of Hoppe et al. 1994, which Sharpen&Bend section 4.1 compares with.
+#[must_use]
+pub fn tags_by_dihedral(mesh: &Mesh, radians: f64) -> Tags {
+    let normals = mesh.face_normals();
+    let is_sharp = |h: &Half| {
+        mesh.twin(*h).is_some_and(|twin| {
+            let (n, m) = (normals[h.face()], normals[twin.face()]);
+            n != DVec3::ZERO && m != DVec3::ZERO && angle_between(n, m) >= radians
+        })
+    };
+    Tags::new(mesh.edges().filter(is_sharp).map(|h| [mesh.from(h), mesh.to(h)]), [])
+}
+
+/// Chains the sharp edges into polylines, each from one corner or dead end (a vertex with other than two
+/// sharp edges) to the next. A closed loop starts at its lowest vertex and repeats it at its end.
+///
+/// Each sharp edge is in exactly one polyline. The order depends on vertex indices alone: open ones by
+/// their lower end first, then loops.
+#[must_use]
+pub fn polylines(tags: &Tags) -> Vec<Vec<Vert>> {
+    let directed = tags.directed();
+    let mut is_used = vec![false; directed.len()];
+    let spokes = |v: Vert| {
+        let start = directed.partition_point(|&[from, _]| from < v);
+        start..start + directed[start..].partition_point(|&[from, _]| from == v)
+    };
+    let mut chain = |first: usize| -> Option<Vec<Vert>> {
+        let mut edge = first;
+        let mut line = vec![directed[first][0]];
+        while !is_used[edge] {
+            let [from, to] = directed[edge];
+            is_used[edge] = true;
+            is_used[directed.binary_search(&[to, from]).ok()?] = true;
+            line.push(to);
+            match spokes(to) {
+                two if two.len() == 2 => edge = two.start + usize::from(directed[two.start][1] == from),
+                _ => break,
+            }
+        }
+        (line.len() > 1).then_some(line)
+    };
+    let is_end = |e: &usize| spokes(directed[*e][0]).len() != 2;
+    let (open, closed): (Vec<_>, Vec<_>) = (0..directed.len()).partition(is_end);
+    open.into_iter().chain(closed).filter_map(&mut chain).collect()
 }
 
 #[cfg(test)]
@@ -106,5 +165,29 @@ mod tests {
         let m = mesh(&[[0.; 3], [1., 0., 0.], [1., 1., 0.], [0., 1., 0.]], &[[0, 1, 2], [0, 2, 3]]);
         let tags = Tags::new([[Vert::new(2), Vert::new(0)], [Vert::new(1), Vert::new(3)]], []);
         assert_eq!(tags.sharp_halves(&m).as_slice(), [false, false, true, true, false, false]);
+    }
+
+    #[test]
+    fn the_dihedral_angle_decides_what_is_sharp() {
+        // A roof over 0-1 whose halves meet at a right angle, a flat continuation at 1-2, a border.
+        let points = [[0., 0., 1.], [0., 3., 1.], [1., 0., 0.], [-1., 0., 0.], [1., 3., 0.], [5., 5., 5.]];
+        let m = mesh(&points, &[[0, 2, 1], [0, 1, 3], [1, 2, 4], [5, 5, 5]]);
+        let sharp = |degrees: f64| tags_by_dihedral(&m, degrees.to_radians()).sharp_edges().to_vec();
+        assert_eq!(sharp(89.9), [[Vert::new(0), Vert::new(1)]]);
+        assert_eq!(sharp(90.1), [[Vert::NONE; 2]; 0]);
+        assert_eq!(sharp(0.0).len(), 2, "borders have no angle");
+    }
+
+    //      5--6
+    //      | /       a dead end, a corner of three, a loop through it, and a loop alone
+    //   0--2--1--4
+    #[test]
+    fn polylines_run_from_corner_to_corner() {
+        let edges = [[0, 2], [2, 1], [1, 4], [2, 5], [5, 6], [6, 2], [9, 8], [8, 7], [7, 9]];
+        let tags = Tags::new(edges.map(|e| e.map(Vert::new)), []);
+        let lines: Vec<Vec<_>> =
+            polylines(&tags).iter().map(|l| l.iter().map(|v| v.index()).collect()).collect();
+        assert_eq!(lines, [vec![0, 2], vec![2, 1, 4], vec![2, 5, 6, 2], vec![7, 8, 9, 7]]);
+        assert!(polylines(&Tags::default()).is_empty());
     }
 }
