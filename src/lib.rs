@@ -31,16 +31,19 @@ pub mod attributes;
 pub mod classify;
 pub mod collapse;
 mod edit;
-pub mod fit;
 pub mod error;
+pub mod fit;
 pub mod geometry;
 pub mod io;
 pub mod mesh;
 pub mod options;
+pub mod paint;
 pub mod place;
 pub mod refine;
 pub mod report;
 pub mod tags;
+#[expect(dead_code, reason = "the region fits will call it")]
+mod untangle;
 
 pub use mesh::{Mesh, MeshError};
 pub use options::{Method, Options};
@@ -134,7 +137,7 @@ fn clean(
 ) -> Result<Cleaned, MeshError> {
     let n_old = mesh.n_verts();
     let is_inserted = |v: &Vert| v.index() >= n_old;
-    let owns_inserted = |&f: &Face| refined.mesh.corners(f).iter().any(is_inserted);
+    let owns_inserted = |f: &Face| refined.mesh.corners(*f).iter().any(is_inserted);
     let faces: Vec<Face> = refined.mesh.face_ids().filter(owns_inserted).collect();
     let edges = |f: &Face| f.halves().map(|h| [refined.mesh.from(h), refined.mesh.to(h)]);
     let at_inserted = |edge: &[Vert; 2]| edge.iter().any(is_inserted);

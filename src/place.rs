@@ -39,6 +39,18 @@ pub enum Outcome {
     TooFar,
 }
 
+impl std::fmt::Display for Outcome {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.pad(match self {
+            Self::Moved => "moved",
+            Self::NoNormal => "no smooth region at an end",
+            Self::Mixed => "convex on one side and concave on the other",
+            Self::Parallel => "parallel planes",
+            Self::TooFar => "planes meet too far away",
+        })
+    }
+}
+
 /// How far a new vertex may go.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum ShiftLimit {

@@ -7,10 +7,7 @@
 //! In/out: the cleaned mesh and what is tagged -> `Tags`.
 //! Cost: O(edges at tagged vertices).
 
-use glam::DVec3;
-
 use crate::classify::dihedral_angle;
-use crate::geometry::angle_between;
 use crate::mesh::{Half, Mesh, PerHalf, PerVert, Vert};
 
 /// An edge with a smaller dihedral angle in the output is not sharp, in radians: 15 degrees. With it a
@@ -105,12 +102,7 @@ impl Tags {
 #[must_use]
 pub fn tags_by_dihedral(mesh: &Mesh, radians: f64) -> Tags {
     let normals = mesh.face_normals();
-    let is_sharp = |h: &Half| {
-        mesh.twin(*h).is_some_and(|twin| {
-            let (n, m) = (normals[h.face()], normals[twin.face()]);
-            n != DVec3::ZERO && m != DVec3::ZERO && angle_between(n, m) >= radians
-        })
-    };
+    let is_sharp = |h: &Half| dihedral_angle(mesh, &normals, *h).is_some_and(|angle| angle >= radians);
     Tags::new(mesh.edges().filter(is_sharp).map(|h| [mesh.from(h), mesh.to(h)]), [])
 }
 

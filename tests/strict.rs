@@ -15,16 +15,8 @@ fn shared(path: &str) -> PathBuf {
 }
 
 fn load(path: &Path) -> Mesh {
-    let (mut points, mut faces) = (Vec::new(), Vec::new());
-    for line in std::fs::read_to_string(path).unwrap().lines() {
-        let words: Vec<&str> = line.split_whitespace().collect();
-        match words[..] {
-            ["v", x, y, z] => points.push(DVec3::from([x, y, z].map(|w| w.parse::<f64>().unwrap()))),
-            ["f", a, b, c] => faces.push([a, b, c].map(|w| Vert::new(w.parse::<usize>().unwrap() - 1))),
-            _ => {}
-        }
-    }
-    Mesh::new(points, faces).unwrap()
+    let model = sharpen::io::read(path).unwrap();
+    Mesh::new(model.points, model.faces).unwrap()
 }
 
 fn flagged<I>(flags: &PerElement<I, bool>) -> BTreeSet<usize> {
@@ -65,8 +57,7 @@ fn point(row: &Value, at: usize) -> DVec3 {
 }
 
 fn compare(name: &str) {
-    let (reference, input) =
-        (shared(&format!("classes/{name}.json")), shared(&format!("inputs/{name}.obj")));
+    let (reference, input) = (shared(&format!("classes/{name}.json")), shared(&format!("inputs/{name}.obj")));
     if !reference.exists() {
         eprintln!("{name}: no reference at {}, nothing compared", reference.display());
         return;

@@ -77,13 +77,21 @@ pub fn parse(bytes: &[u8], name: &str) -> Result<Model, Error> {
 /// When the file system refuses.
 pub fn write<'a>(path: &Path, view: impl Into<View<'a>>) -> Result<(), Error> {
     let bytes = format(view);
-    replace(path, &bytes).map_err(|source| Error::file(path, "write", source))
+    write_bytes(path, &bytes)
 }
 
 /// A mesh as the bytes of a file.
 #[must_use]
 pub fn format<'a>(view: impl Into<View<'a>>) -> Vec<u8> {
     obj::format(view.into())
+}
+
+/// Gives the file `path` the content `bytes` in one step, as [`write`] does.
+///
+/// # Errors
+/// When the file system refuses.
+pub fn write_bytes(path: &Path, bytes: &[u8]) -> Result<(), Error> {
+    replace(path, bytes).map_err(|source| Error::file(path, "write", source))
 }
 
 /// Gives the file `path` the content `bytes` in one step.

@@ -1,0 +1,99 @@
+//! Flips edges along which the surface still folds back onto itself.
+
+use glam::DVec3;
+
+use super::{UntangleCounts, Zone};
+use crate::geometry::{angle_between, unit_normal};
+use crate::mesh::{Face, Vert};
+
+/// An edge with a larger dihedral angle is a fold, in radians: 150 degrees.
+const FOLD_ANGLE: f64 = 150.0 * std::f64::consts::PI / 180.0;
+/// A flip must lower the largest of the five dihedral angles by this, in radians: 1 degree.
+const MIN_FALL: f64 = std::f64::consts::PI / 180.0;
+/// Twice the area of a new triangle over the square of its longest side: less is a sliver.
+const MIN_SHAPE: f64 = 0.005;
+/// Each round uncovers what the flips before it did; few edges are left after the first.
+const ROUNDS: usize = 4;
+
+impl Zone<'_, '_, '_> {
+    /// Flips folds, sharpest first; a face and its neighbours take part in one flip a round.
+    pub(super) fn flip_folds(&mut self, counts: &mut UntangleCounts) {
+        for _ in 0..ROUNDS {
+            let mut busy = Vec::new();
+            let mut flips = 0;
+            for (_, f, a, b) in self.folds() {
+                flips += usize::from(self.flip_fold(f, a, b, &mut busy));
+            }
+            if flips == 0 {
+                return;
+            }
+            counts.flipped += flips;
+        }
+    }
+
+    /// The folds inside the zone as (cosine, face, from, to), the sharpest first.
+    fn folds(&self) -> Vec<(f64, Face, Vert, Vert)> {
+        let mut folds = Vec::new();
+        for &f in self.faces.iter().filter(|&&f| self.edit.stands(f)) {
+            let t = self.edit.corners(f);
+            for i in 0..3 {
+                let (a, b) = (t[i], t[(i + 1) % 3]);
+                let beside = self.edit.faces_beside(a, b).filter(|beside| beside[0] == f && a < b);
+                let Some([_, g]) = beside.filter(|beside| self.in_zone(beside[1])) else { continue };
+                if let (Some(n), Some(m)) = (self.normal(f), self.normal(g))
+                    && n.dot(m) < FOLD_ANGLE.cos()
+                {
+                    folds.push((n.dot(m), f, a, b));
+                }
+            }
+        }
+        folds.sort_by(|x, y| x.0.total_cmp(&y.0).then((x.2, x.3).cmp(&(y.2, y.3))));
+        folds
+    }
+
+    fn normal(&self, f: Face) -> Option<DVec3> {
+        unit_normal(self.edit.triangle(f))
+    }
+
+    /// Flips edge `a`-`b` of `f` if the largest of the five dihedral angles round it falls.
+    fn flip_fold(&mut self, f: Face, a: Vert, b: Vert, busy: &mut Vec<Face>) -> bool {
+        let Some([_, g]) = self.edit.faces_beside(a, b).filter(|beside| beside[0] == f) else { return false };
+        let (c, d) = (self.edit.third(f, a, b), self.edit.third(g, a, b));
+        if c == d || self.edit.are_neighbours(c, d) {
+            return false;
+        }
+        let sides = [(a, d), (d, b), (b, c), (c, a)];
+        let across = sides.map(|(p, q)| self.beside(p, q).find(|&h| h != f && h != g));
+        if [Some(f), Some(g)].iter().chain(&across).flatten().any(|h| busy.contains(h)) {
+            return false;
+        }
+        let triangles = [[a, d, c], [d, b, c]];
+        let points = triangles.map(|t| t.map(|v| self.edit.point(v)));
+        let [Some(n), Some(m)] = points.map(unit_normal) else { return false };
+        if points.into_iter().any(is_sliver) {
+            return false;
+        }
+        let (Some(n_old), Some(m_old)) = (self.normal(f), self.normal(g)) else { return false };
+        // Sides a-d and c-a belong to the first new triangle, d-b and b-c to the second; before, b-c and
+        // c-a belonged to f, a-d and d-b to g.
+        let largest = |inner: f64, own: [DVec3; 4]| {
+            let angles =
+                own.into_iter().zip(across).filter_map(|(n, h)| Some(angle_between(n, self.normal(h?)?)));
+            angles.fold(inner, f64::max)
+        };
+        let before = largest(angle_between(n_old, m_old), [m_old, m_old, n_old, n_old]);
+        let after = largest(angle_between(n, m), [n, m, m, n]);
+        if after >= before - MIN_FALL {
+            return false;
+        }
+        self.edit.flip([f, g], triangles);
+        [f, g].into_iter().for_each(|face| self.forget(face));
+        busy.extend([f, g]);
+        true
+    }
+}
+
+fn is_sliver([a, b, c]: [DVec3; 3]) -> bool {
+    let longest = a.distance_squared(b).max(b.distance_squared(c)).max(c.distance_squared(a));
+    (b - a).cross(c - a).length() < MIN_SHAPE * longest
+}

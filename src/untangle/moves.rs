@@ -1,0 +1,428 @@
+//! The operations that untangling chooses from, each with its tests and what it gains.
+
+use glam::DVec3;
+
+use super::{CREASE_TOLERANCE, Energy, FACE_TOLERANCE, MIN_GAIN, UntangleCounts, Zone};
+use crate::geometry::{Plane, nearest_on_both};
+use crate::mesh::{Face, Vert};
+
+/// Two corners joined by a crease edge shorter than this (in mean edge lengths) may merge.
+const CORNER_MERGE: f64 = 0.25;
+/// A crease vertex may be projected onto its crease from at most this far (in mean edge lengths).
+const MAX_PROJECTION: f64 = 0.25;
+/// The planes of two fits with a smaller sine between them do not fix a crease: 6 degrees.
+const MIN_CREASE_SINE: f64 = 0.1;
+/// A run of at most this many crease vertices is spaced anew at once.
+const LONGEST_RUN: usize = 6;
+/// Going back towards the middle is the last resort: it must gain this much ...
+const BACK_GAIN: f64 = 0.5;
+/// ... and going further than a part of the way must gain this much more.
+const FURTHER_BACK_GAIN: f64 = 0.25;
+
+/// What to do about a bad face.
+#[derive(Clone, Debug)]
+pub(super) enum Operation {
+    Flip { faces: [Face; 2], triangles: [[Vert; 3]; 2] },
+    Collapse { gone: Vert, kept: Vert },
+    Merge { gone: Vert, kept: Vert, to: DVec3 },
+    Respace { vertices: Vec<Vert>, to: Vec<DVec3> },
+    MoveBack { vertex: Vert, to: DVec3 },
+}
+
+/// An operation with what decides between it and others.
+struct Candidate {
+    /// Energy gained, in millionths: less is rounding.
+    gain: i64,
+    /// Flip, collapse, merge, one vertex, a run, back: of equal gains the gentler operation.
+    rank: u8,
+    length_squared: f64,
+    vertices: [Vert; 2],
+    operation: Operation,
+}
+
+impl Candidate {
+    fn is_before(&self, other: &Self) -> bool {
+        let order = other.gain.cmp(&self.gain).then(self.rank.cmp(&other.rank));
+        let order = order.then(self.length_squared.total_cmp(&other.length_squared));
+        order.then(self.vertices.cmp(&other.vertices)).is_lt()
+    }
+}
+
+impl Zone<'_, '_, '_> {
+    /// The operation on the edges or corners of `f` that gains most, if any gains.
+    pub(super) fn best_operation(&mut self, f: Face, may_move_back: bool) -> Option<Operation> {
+        let t = self.edit.corners(f);
+        let mut candidates = Vec::new();
+        for i in 0..3 {
+            let (a, b) = (t[i], t[(i + 1) % 3]);
+            let length_squared = self.length_squared(a, b);
+            let mut push = |gain: f64, rank, length_squared, vertices, operation| {
+                let gain = (gain * 1e6).round() as i64;
+                candidates.push(Candidate { gain, rank, length_squared, vertices, operation });
+            };
+            if let Some((gain, faces, triangles)) = self.try_flip(f, a, b) {
+                push(gain, 0, 0.0, [a, b], Operation::Flip { faces, triangles });
+            }
+            for (gone, kept) in [(a, b), (b, a)] {
+                if let Some(gain) = self.try_collapse(gone, kept, false) {
+                    push(gain, 1, length_squared, [gone, kept], Operation::Collapse { gone, kept });
+                }
+            }
+            if self.edit.is_inserted(a) && self.edit.is_inserted(b) {
+                let (gone, kept) = if self.crease(b).len() >= self.crease(a).len() { (a, b) } else { (b, a) };
+                if let Some((gain, to)) = self.try_merge(gone, kept) {
+                    push(gain, 2, length_squared, [gone, kept], Operation::Merge { gone, kept, to });
+                }
+                if let Some((gain, vertices, to)) = self.try_run(a, b) {
+                    push(gain, 4, 0.0, [a, b], Operation::Respace { vertices, to });
+                }
+            }
+            if let Some((gain, to)) = self.try_respace(a) {
+                push(gain, 3, 0.0, [a, a], Operation::Respace { vertices: vec![a], to: vec![to] });
+            }
+        }
+        if may_move_back && candidates.is_empty() {
+            for v in t {
+                if let Some((gain, to)) = self.try_back(v) {
+                    let gain = (gain * 1e6).round() as i64;
+                    let operation = Operation::MoveBack { vertex: v, to };
+                    candidates.push(Candidate {
+                        gain,
+                        rank: 5,
+                        length_squared: 0.0,
+                        vertices: [v, v],
+                        operation,
+                    });
+                }
+            }
+        }
+        candidates.into_iter().reduce(|x, y| if y.is_before(&x) { y } else { x }).map(|best| best.operation)
+    }
+
+    /// Carries out `operation`; the faces that it touched come back.
+    pub(super) fn apply(&mut self, operation: Operation, counts: &mut UntangleCounts) -> Vec<Face> {
+        match operation {
+            Operation::Flip { faces, triangles } => {
+                counts.flipped += 1;
+                self.edit.flip(faces, triangles);
+                faces.into_iter().for_each(|f| self.forget(f));
+                faces.to_vec()
+            }
+            Operation::Collapse { gone, kept } => {
+                counts.collapsed += 1;
+                self.collapse(gone, kept)
+            }
+            Operation::Merge { gone, kept, to } => {
+                counts.collapsed += 1;
+                self.collapse(gone, kept);
+                self.move_vertices(&[kept], &[to])
+            }
+            Operation::Respace { vertices, to } => {
+                counts.respaced += vertices.len();
+                self.move_vertices(&vertices, &to)
+            }
+            Operation::MoveBack { vertex, to } => {
+                counts.moved_back += 1;
+                self.move_vertices(&[vertex], &[to])
+            }
+        }
+    }
+
+    fn move_vertices(&mut self, vertices: &[Vert], to: &[DVec3]) -> Vec<Face> {
+        let mut touched = Vec::new();
+        for (&v, &point) in vertices.iter().zip(to) {
+            self.edit.move_to(v, point);
+            touched.extend(self.edit.faces_at(v));
+        }
+        touched.iter().for_each(|&f| self.forget(f));
+        touched
+    }
+
+    /// Removes `gone`; its faces and creases go to `kept`.
+    pub(super) fn collapse(&mut self, gone: Vert, kept: Vert) -> Vec<Face> {
+        let touched = self.edit.collapse(gone, kept);
+        touched.iter().for_each(|&f| self.forget(f));
+        if self.edit.is_inserted(gone) {
+            for w in std::mem::take(&mut self.creases[gone.index() - self.n_old]) {
+                let list = &mut self.creases[w.index() - self.n_old];
+                list.retain(|&v| v != gone);
+                if w != kept {
+                    join(list, kept);
+                    join(&mut self.creases[kept.index() - self.n_old], w);
+                }
+            }
+        }
+        touched
+    }
+
+    /// What collapsing `gone` into `kept` gains, if it is allowed. With `even_if_equal` a collapse that
+    /// gains nothing is allowed too.
+    pub(super) fn try_collapse(&mut self, gone: Vert, kept: Vert, even_if_equal: bool) -> Option<f64> {
+        let n_creases = self.crease(gone).len();
+        let along = self.is_crease(gone, kept);
+        let is_free = n_creases == 0 || (along && n_creases <= 2);
+        let is_labelled = self.edit.is_inserted(gone) || (self.context.fit)(gone).is_some();
+        if !self.is_inner[gone] || !is_free || !is_labelled {
+            return None;
+        }
+        let beside = self.edit.collapsible(gone, kept)?;
+        if along && self.would_join_creases(gone, kept, beside) {
+            return None;
+        }
+        let faces: Vec<Face> = self.edit.faces_at(gone).collect();
+        let old: f64 = faces.iter().map(|&f| self.energy(f).value).sum();
+        let mut new = 0.0;
+        for f in faces.into_iter().filter(|f| !beside.contains(f)) {
+            let triangle = self.edit.corners(f).map(|v| self.edit.point(if v == gone { kept } else { v }));
+            new += self.allowed(f, self.energy_of(triangle, f))?;
+        }
+        if new >= old - MIN_GAIN && !(even_if_equal && new <= old + 1e-9) {
+            return None;
+        }
+        if along && n_creases == 2 {
+            let &other = self.crease(gone).iter().find(|&&w| w != kept)?;
+            let middle = self.edit.point(other).midpoint(self.edit.point(kept));
+            if !self.is_on_its_fits(middle, gone, other) {
+                return None;
+            }
+        }
+        Some(old - new)
+    }
+
+    /// The energy of a face that an operation changes, unless it leaves its fit.
+    fn allowed(&mut self, f: Face, new: Energy) -> Option<f64> {
+        let limit = FACE_TOLERANCE.max(self.energy(f).residual * 1.0001);
+        (new.residual <= limit).then_some(new.value)
+    }
+
+    /// Whether a vertex opposite to `gone`-`kept` is joined to both by creases: these would become one.
+    fn would_join_creases(&self, gone: Vert, kept: Vert, beside: [Face; 2]) -> bool {
+        let opposite = beside.map(|f| self.edit.third(f, gone, kept));
+        opposite.iter().any(|&v| self.is_crease(v, gone) && self.is_crease(v, kept))
+    }
+
+    /// Whether `point`, the middle of a crease edge, lies on the fits of the faces beside `a`-`b`.
+    fn is_on_its_fits(&self, point: DVec3, a: Vert, b: Vert) -> bool {
+        let h = self.context.mean_edge;
+        let is_near =
+            |f: Face| self.fit(f).is_none_or(|fit| fit.evaluate(point, h).0.abs() <= CREASE_TOLERANCE);
+        self.beside(a, b).all(is_near)
+    }
+
+    /// What the other diagonal of the faces beside edge `a`-`b` of `f` gains. Either new triangle may
+    /// follow either fit; the faces come in the order of the triangles.
+    fn try_flip(&mut self, f: Face, a: Vert, b: Vert) -> Option<(f64, [Face; 2], [[Vert; 3]; 2])> {
+        if self.is_crease(a, b) {
+            return None;
+        }
+        let [_, g] =
+            self.edit.faces_beside(a, b).filter(|beside| beside[0] == f && self.in_zone(beside[1]))?;
+        let (c, d) = (self.edit.third(f, a, b), self.edit.third(g, a, b));
+        let has_three = |v: Vert| self.edit.link(v).len() <= 3;
+        if c == d || self.edit.are_neighbours(c, d) || has_three(a) || has_three(b) {
+            return None;
+        }
+        let triangles = [[a, d, c], [d, b, c]];
+        let points = triangles.map(|t| t.map(|v| self.edit.point(v)));
+        let old = self.energy(f).value + self.energy(g).value;
+        let mut best: Option<(f64, [Face; 2])> = None;
+        for faces in [[f, g], [g, f]] {
+            let first = self.allowed(faces[0], self.energy_of(points[0], faces[0]));
+            let second = self.allowed(faces[1], self.energy_of(points[1], faces[1]));
+            if let (Some(first), Some(second)) = (first, second) {
+                let gain = old - first - second;
+                if gain > MIN_GAIN && best.is_none_or(|(most, _)| gain > most + 1e-9) {
+                    best = Some((gain, faces));
+                }
+            }
+        }
+        best.map(|(gain, faces)| (gain, faces, triangles))
+    }
+
+    /// The point of the crease of the two fits beside crease edge `v`-`w` nearest to `from`.
+    fn project(&self, from: DVec3, v: Vert, w: Vert) -> Option<DVec3> {
+        let beside = self.edit.faces_beside(v, w)?;
+        let [Some(p), Some(q)] = beside.map(|f| self.fit(f)) else { return None };
+        let h = self.context.mean_edge;
+        let mut point = from;
+        for _ in 0..3 {
+            let plane = |fit: &crate::fit::Fit| {
+                let (distance, normal) = fit.evaluate(point, h);
+                Plane { point: point - distance * h * normal, normal }
+            };
+            let (next, sine) = nearest_on_both(plane(p), plane(q), from)?;
+            if sine < MIN_CREASE_SINE || next.distance(from) > MAX_PROJECTION * h {
+                return None;
+            }
+            point = next;
+        }
+        Some(point)
+    }
+
+    /// Whether `v` is a vertex along a crease (not its end, not a corner) that lies on its feature.
+    fn is_along_crease(&self, v: Vert) -> bool {
+        self.edit.is_inserted(v) && self.crease(v).len() == 2 && (self.context.is_moved)(v)
+    }
+
+    /// Merges crease edge `gone`-`kept`: to a point between them on their crease, or, where two corners
+    /// nearly coincide, to one of them or their middle.
+    fn try_merge(&mut self, gone: Vert, kept: Vert) -> Option<(f64, DVec3)> {
+        if !self.is_crease(gone, kept) || !self.is_inner[gone] {
+            return None;
+        }
+        let beside = self.edit.collapsible(gone, kept)?;
+        if !self.edit.is_surrounded(kept) || self.would_join_creases(gone, kept, beside) {
+            return None;
+        }
+        let (p, q) = (self.edit.point(gone), self.edit.point(kept));
+        let next = |v: Vert, not: Vert| self.crease(v).iter().copied().find(|&w| w != not);
+        let mut places: Vec<DVec3> = Vec::new();
+        if self.is_along_crease(gone) && self.is_along_crease(kept) {
+            let (w, z) = (next(gone, kept)?, next(kept, gone)?);
+            if w != z {
+                let between = [p.midpoint(q), self.edit.point(w).midpoint(self.edit.point(z))];
+                places.extend(between.iter().filter_map(|&from| self.project(from, gone, kept)));
+            }
+        }
+        let both_corners = self.crease(gone).len() >= 3 && self.crease(kept).len() >= 3;
+        if both_corners && p.distance(q) < CORNER_MERGE * self.context.mean_edge {
+            places.extend([q, p, p.midpoint(q)]);
+        }
+        let gains = places.into_iter().filter_map(|to| Some((self.merge_gain(gone, kept, beside, to)?, to)));
+        gains.collect::<Vec<_>>().into_iter().reduce(|x, y| if y.0 > x.0 { y } else { x })
+    }
+
+    fn merge_gain(&mut self, gone: Vert, kept: Vert, beside: [Face; 2], to: DVec3) -> Option<f64> {
+        let mut faces: Vec<Face> = self.edit.faces_at(gone).chain(self.edit.faces_at(kept)).collect();
+        faces.sort_unstable();
+        faces.dedup();
+        let old: f64 = faces.iter().map(|&f| self.energy(f).value).sum();
+        let mut new = 0.0;
+        for f in faces.into_iter().filter(|f| !beside.contains(f)) {
+            let at = |v: Vert| if v == gone || v == kept { to } else { self.edit.point(v) };
+            new += self.allowed(f, self.energy_of(self.edit.corners(f).map(at), f))?;
+        }
+        let stays_on_crease = |&v: &Vert| {
+            self.crease(v)
+                .iter()
+                .filter(|&&w| w != gone && w != kept)
+                .all(|&w| self.is_on_its_fits(to.midpoint(self.edit.point(w)), v, w))
+        };
+        (old - new > MIN_GAIN && [gone, kept].iter().all(stays_on_crease)).then_some(old - new)
+    }
+
+    /// Puts a crease vertex elsewhere between its two crease neighbours.
+    fn try_respace(&mut self, v: Vert) -> Option<(f64, DVec3)> {
+        if !self.is_along_crease(v) {
+            return None;
+        }
+        let [w, z] = [0, 1].map(|i| self.crease(v)[i]);
+        let mut best: Option<(f64, DVec3)> = None;
+        for share in [0.5, 0.25, 0.75] {
+            let from = self.edit.point(w).lerp(self.edit.point(z), share);
+            if let Some(to) = self.project(from, v, w)
+                && let Some(gain) = self.move_gain(&[v], &[to])
+                && best.is_none_or(|(most, _)| gain > most)
+            {
+                best = Some((gain, to));
+            }
+        }
+        best
+    }
+
+    /// Spaces the run of crease vertices round crease edge `a`-`b` evenly between its fixed ends: the
+    /// shortest run of two vertices or more that gains.
+    fn try_run(&mut self, a: Vert, b: Vert) -> Option<(f64, Vec<Vert>, Vec<DVec3>)> {
+        if !self.is_crease(a, b) {
+            return None;
+        }
+        let mut run = self.longer_run(&[a, b]);
+        while (3..=LONGEST_RUN + 2).contains(&run.len()) {
+            let inner = run[1..run.len() - 1].to_vec();
+            let mut sorted = run.clone();
+            sorted.sort_unstable();
+            sorted.dedup();
+            if sorted.len() != run.len() || !inner.iter().all(|&v| self.is_along_crease(v)) {
+                return None;
+            }
+            if inner.len() > 1
+                && let Some(to) = self.even_spacing(&run)
+                && let Some(gain) = self.move_gain(&inner, &to)
+            {
+                return Some((gain, inner, to));
+            }
+            let longer = self.longer_run(&run);
+            if longer.len() == run.len() {
+                return None;
+            }
+            run = longer;
+        }
+        None
+    }
+
+    /// The run with the next crease vertex at each end that is free to move.
+    fn longer_run(&self, run: &[Vert]) -> Vec<Vert> {
+        let beyond = |end: Vert, inner: Vert| {
+            let next = self.crease(end).iter().copied().find(|&w| w != inner);
+            next.filter(|_| self.is_along_crease(end))
+        };
+        let mut longer: Vec<Vert> = beyond(run[0], run[1]).into_iter().collect();
+        longer.extend(run);
+        longer.extend(beyond(run[run.len() - 1], run[run.len() - 2]));
+        longer
+    }
+
+    fn even_spacing(&self, run: &[Vert]) -> Option<Vec<DVec3>> {
+        let (first, last) = (self.edit.point(run[0]), self.edit.point(run[run.len() - 1]));
+        let share = |i: usize| i as f64 / (run.len() - 1) as f64;
+        let place = |i: usize| self.project(first.lerp(last, share(i)), run[i], run[i - 1]);
+        (1..run.len() - 1).map(place).collect()
+    }
+
+    /// What moving `vertices` gains, if faces and creases stay on their fits.
+    fn move_gain(&mut self, vertices: &[Vert], to: &[DVec3]) -> Option<f64> {
+        let mut faces: Vec<Face> = vertices.iter().flat_map(|&v| self.edit.faces_at(v)).collect();
+        faces.sort_unstable();
+        faces.dedup();
+        let old: f64 = faces.iter().map(|&f| self.energy(f).value).sum();
+        let at = |zone: &Self, v: Vert| match vertices.iter().position(|&w| w == v) {
+            Some(i) => to[i],
+            None => zone.edit.point(v),
+        };
+        let mut new = 0.0;
+        for f in faces {
+            let triangle = self.edit.corners(f).map(|v| at(self, v));
+            new += self.allowed(f, self.energy_of(triangle, f))?;
+        }
+        let stays = |&v: &Vert| {
+            let middle = |w: Vert| at(self, v).midpoint(at(self, w));
+            self.crease(v).iter().all(|&w| self.is_on_its_fits(middle(w), v, w))
+        };
+        (old - new > MIN_GAIN && vertices.iter().all(stays)).then_some(old - new)
+    }
+
+    /// Moves an inserted vertex part of the way back to the middle of its edge or face.
+    fn try_back(&mut self, v: Vert) -> Option<(f64, DVec3)> {
+        let middle = self.context.middles[v.index().checked_sub(self.n_old)?];
+        let faces: Vec<Face> = self.edit.faces_at(v).collect();
+        let old: f64 = faces.iter().map(|&f| self.energy(f).value).sum();
+        let mut best: Option<(f64, DVec3)> = None;
+        for share in [0.25, 0.5, 0.75, 1.0] {
+            let to = self.edit.point(v).lerp(middle, share);
+            let at = |w: Vert| if w == v { to } else { self.edit.point(w) };
+            let energy = |&f: &Face| self.energy_of(self.edit.corners(f).map(at), f).value;
+            let new: f64 = faces.iter().map(energy).sum();
+            if new < old - BACK_GAIN && best.is_none_or(|(least, _)| new < least - FURTHER_BACK_GAIN) {
+                best = Some((new, to));
+            }
+        }
+        best.map(|(new, to)| (old - new, to))
+    }
+}
+
+/// Adds `v` to an ascending list, once.
+fn join(list: &mut Vec<Vert>, v: Vert) {
+    if let Err(at) = list.binary_search(&v) {
+        list.insert(at, v);
+    }
+}

@@ -1,0 +1,128 @@
+//! The whole filter on meshes whose original is known in closed form.
+
+mod common;
+
+use common::{chamfered_cube, sphere, zoo};
+use glam::DVec3;
+use sharpen::classify::SmoothThreshold;
+use sharpen::mesh::Vert;
+use sharpen::place::Outcome;
+use sharpen::{Mesh, Method, Options, Sharpened, sharpen};
+
+const METHODS: [Method; 2] = [Method::Filters, Method::Paper];
+
+fn run(mesh: &Mesh, method: Method) -> Sharpened {
+    let sharpened = sharpen(mesh, &Options { method, ..Options::default() }).unwrap();
+    sharpened.mesh.check().unwrap();
+    sharpened
+}
+
+/// Distance of a point from the nearest edge of the cube `[-1, 1]³`, corners included.
+fn distance_to_cube_edge(p: DVec3) -> f64 {
+    let mut off = (p.abs() - DVec3::ONE).abs().to_array();
+    off.sort_by(f64::total_cmp);
+    off[0].hypot(off[1])
+}
+
+fn bits(points: &[DVec3]) -> Vec<[u64; 3]> {
+    points.iter().map(|p| p.to_array().map(f64::to_bits)).collect()
+}
+
+#[test]
+fn a_cube_gets_its_edges_and_corners_back() {
+    let cube = chamfered_cube(8, 0.9);
+    for method in METHODS {
+        let sharpened = run(&cube, method);
+        let report = &sharpened.report;
+        // 12 strips of 7 quadrilaterals: 8 edges across and 7 diagonals each; 3 edges at each corner are
+        // among the 8 x 12.
+        assert_eq!(report.found.chamfer_edges, 12 * 15, "{method:?}");
+        assert_eq!(report.found.corner_triangles, 8);
+        assert_eq!(report.inserted[&Outcome::Moved], 12 * 15 + 8);
+        let diagonal = cube.diagonal();
+        let inserted = &sharpened.mesh.points()[cube.n_verts()..];
+        for &p in inserted {
+            assert!(distance_to_cube_edge(p) < 1e-9 * diagonal, "{method:?}: {p} is off every edge");
+        }
+        for corner in 0..8 {
+            let sign = |i: i32| if corner >> i & 1 == 0 { -1.0 } else { 1.0 };
+            let corner = DVec3::new(sign(0), sign(1), sign(2));
+            let is_there = |p: &DVec3| p.distance(corner) < 1e-9 * diagonal;
+            assert_eq!(inserted.iter().filter(|p| is_there(p)).count(), 1, "{method:?}: {corner}");
+        }
+        assert_eq!(bits(&sharpened.mesh.points()[..cube.n_verts()]), bits(cube.points()));
+        assert!(sharpened.mesh.halves().all(|h| !sharpened.mesh.is_border(h)));
+        assert_eq!(euler(&sharpened.mesh), 2);
+    }
+}
+
+#[test]
+fn the_sharp_edges_of_a_cube_are_its_twelve_edges() {
+    let sharpened = run(&chamfered_cube(8, 0.9), Method::Filters);
+    let length = |&[a, b]: &[Vert; 2]| sharpened.mesh.point(a).distance(sharpened.mesh.point(b));
+    let total: f64 = sharpened.tags.sharp_edges().iter().map(length).sum();
+    assert!((total - 24.0).abs() < 1e-9, "{total}");
+}
+
+fn euler(mesh: &Mesh) -> i64 {
+    let used = mesh.verts().filter(|&v| !mesh.leaving(v).is_empty()).count();
+    used as i64 - mesh.edges().count() as i64 + mesh.n_faces() as i64
+}
+
+#[test]
+fn a_sphere_comes_back_bit_for_bit() {
+    let sphere = sphere(4);
+    for method in METHODS {
+        let sharpened = run(&sphere, method);
+        assert!(!sharpened.report.changed, "{method:?}");
+        assert_eq!(bits(sharpened.mesh.points()), bits(sphere.points()));
+        assert_eq!(sharpened.mesh.faces(), sphere.faces());
+        assert!(sharpened.lineage.is_empty());
+        assert!(sharpened.tags.sharp_edges().is_empty());
+    }
+}
+
+#[test]
+fn at_a_smooth_angle_of_zero_nothing_is_found() {
+    let cube = chamfered_cube(6, 0.8);
+    let options = Options { smooth: SmoothThreshold::Angle(0.0), ..Options::default() };
+    let sharpened = sharpen(&cube, &options).unwrap();
+    assert_eq!((sharpened.mesh.points(), sharpened.mesh.faces()), (cube.points(), cube.faces()));
+    assert!(!sharpened.report.changed);
+}
+
+#[test]
+fn every_animal_of_the_zoo_survives_every_method() {
+    for (name, animal) in zoo() {
+        for method in METHODS {
+            let sharpened = run(&animal, method);
+            let finite = |p: &DVec3| p.is_finite();
+            assert!(sharpened.mesh.points().iter().all(finite), "{name}, {method:?}");
+            let old = &sharpened.mesh.points()[..animal.n_verts()];
+            let replaced = &sharpened.report.replaced_vertices;
+            for (i, (p, q)) in old.iter().zip(animal.points()).enumerate() {
+                assert!(p == q || replaced.contains(&i), "{name}, {method:?}: vertex {i} moved");
+            }
+            let before = animal.halves().filter(|&h| animal.is_border(h)).count();
+            let after = sharpened.mesh.halves().filter(|&h| sharpened.mesh.is_border(h)).count();
+            assert_eq!(before, after, "{name}, {method:?}: borders");
+            assert_eq!(euler(&animal), euler(&sharpened.mesh), "{name}, {method:?}: Euler characteristic");
+        }
+    }
+}
+
+#[test]
+fn the_result_does_not_depend_on_the_number_of_threads() {
+    let cube = chamfered_cube(40, 0.97);
+    for method in METHODS {
+        let results = [1, 2, 5].map(|threads| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| run(&cube, method))
+        });
+        for other in &results[1..] {
+            assert_eq!(bits(results[0].mesh.points()), bits(other.mesh.points()));
+            assert_eq!(results[0].mesh.faces(), other.mesh.faces());
+            assert_eq!(results[0].tags, other.tags);
+        }
+    }
+}
