@@ -1,0 +1,182 @@
+//! The binary as a user runs it.
+
+mod common;
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use assert_cmd::Command;
+use predicates::prelude::*;
+use predicates::str::contains;
+use sharpen::{Mesh, io};
+use tempfile::TempDir;
+
+fn sharpen() -> Command {
+    Command::cargo_bin("sharpen").unwrap()
+}
+
+fn folder() -> TempDir {
+    tempfile::tempdir().unwrap()
+}
+
+fn write_mesh(path: &Path, mesh: &Mesh) {
+    let attributes = sharpen::attributes::Attributes::default();
+    io::write(path, io::View { points: mesh.points(), faces: mesh.faces(), attributes: &attributes })
+        .unwrap();
+}
+
+/// A folder with a chamfered cube in it: 384 vertices, 764 faces; sharpened, each of its 180 chamfer edges
+/// adds two faces and each of its 8 corners two more.
+fn folder_with_cube() -> (TempDir, PathBuf) {
+    let folder = folder();
+    let path = folder.path().join("cube.obj");
+    write_mesh(&path, &common::chamfered_cube(8, 0.9));
+    (folder, path)
+}
+
+fn names(folder: &TempDir) -> Vec<String> {
+    let name = |entry: Result<fs::DirEntry, _>| entry.unwrap().file_name().to_string_lossy().into_owned();
+    let mut names: Vec<_> = fs::read_dir(folder.path()).unwrap().map(name).collect();
+    names.sort();
+    names
+}
+
+#[test]
+fn a_cube_is_sharpened_and_one_line_says_so() {
+    let (folder, cube) = folder_with_cube();
+    let out = folder.path().join("out.obj");
+    let line = "180 chamfer edges and 8 corners; 188 of 188 new vertices on the feature; 764 -> 1140 faces\n";
+    sharpen().arg(&cube).arg(&out).assert().success().stdout("").stderr(contains(line));
+    let model = io::read(&out).unwrap();
+    assert_eq!((model.points.len(), model.faces.len()), (384 + 188, 1140));
+    assert_eq!(model.points[..384], io::read(&cube).unwrap().points);
+}
+
+#[test]
+fn quiet_says_nothing_and_verbose_says_more() {
+    let (folder, cube) = folder_with_cube();
+    let out = folder.path().join("out.obj");
+    sharpen().arg("-q").arg(&cube).arg(&out).assert().success().stdout("").stderr("");
+    sharpen().arg("-v").arg(&cube).arg(&out).assert().success().stderr(contains("smooth below"));
+    sharpen().args(["-v", "-q"]).arg(&cube).arg(&out).assert().code(2);
+}
+
+#[test]
+fn the_output_may_be_the_input() {
+    let (folder, cube) = folder_with_cube();
+    sharpen().arg(&cube).arg(&cube).assert().success();
+    assert_eq!(io::read(&cube).unwrap().faces.len(), 1140);
+    assert_eq!(names(&folder), ["cube.obj"]);
+}
+
+#[test]
+fn where_nothing_is_found_the_same_mesh_comes_out() {
+    let folder = folder();
+    let (sphere, out) = (folder.path().join("sphere.obj"), folder.path().join("out.obj"));
+    write_mesh(&sphere, &common::sphere(3));
+    sharpen().arg(&sphere).arg(&out).assert().success().stderr(contains("nothing to sharpen in 512 faces"));
+    assert_eq!(fs::read(&sphere).unwrap(), fs::read(&out).unwrap());
+}
+
+#[test]
+fn two_runs_and_any_number_of_threads_write_the_same_bytes() {
+    let (folder, cube) = folder_with_cube();
+    let outputs: Vec<Vec<u8>> = [("1", "a"), ("2", "b"), ("2", "c"), ("7", "d")]
+        .into_iter()
+        .map(|(threads, name)| {
+            let out = folder.path().join(name).with_extension("obj");
+            sharpen().args(["-q", "--threads", threads]).arg(&cube).arg(&out).assert().success();
+            fs::read(out).unwrap()
+        })
+        .collect();
+    assert!(outputs.iter().all(|bytes| *bytes == outputs[0]));
+}
+
+#[test]
+fn the_report_counts_what_the_line_says() {
+    let (folder, cube) = folder_with_cube();
+    let (out, report) = (folder.path().join("out.obj"), folder.path().join("report.json"));
+    sharpen().arg("-q").arg(&cube).arg(&out).arg("--report").arg(&report).assert().success();
+    let report: serde_json::Value = serde_json::from_slice(&fs::read(report).unwrap()).unwrap();
+    assert_eq!(report["found"]["chamfer_edges"], 180);
+    assert_eq!(report["found"]["corner_triangles"], 8);
+    assert_eq!(report["inserted"]["moved"], 188);
+    assert_eq!(report["input"]["faces"], 764);
+    assert_eq!(report["output"]["faces"], 1140);
+    assert_eq!(report["changed"], true);
+    let threshold = report["found"]["threshold_deg"].as_f64().unwrap();
+    assert!(threshold > 0.0 && threshold < 45.0, "{threshold}");
+    assert!(report["seconds"]["classify"].as_f64().unwrap() >= 0.0);
+}
+
+#[test]
+fn the_painted_classes_are_a_ply_of_the_input() {
+    let (folder, cube) = folder_with_cube();
+    let (out, classes) = (folder.path().join("out.obj"), folder.path().join("classes.ply"));
+    sharpen().arg("-q").arg(&cube).arg(&out).arg("--classes").arg(&classes).assert().success();
+    let bytes = fs::read(classes).unwrap();
+    let header = String::from_utf8_lossy(&bytes[..600]).into_owned();
+    assert!(header.contains("element vertex 384\n") && header.contains("element face 764\n"), "{header}");
+    assert!(header.contains("element edge 1146\n"), "{header}");
+}
+
+#[test]
+fn the_smooth_angle_and_the_shift_limit_are_obeyed() {
+    let (folder, cube) = folder_with_cube();
+    let out = folder.path().join("out.obj");
+    let nothing = contains("nothing to sharpen");
+    sharpen().args(["--smooth-angle", "0"]).arg(&cube).arg(&out).assert().success().stderr(nothing.clone());
+    sharpen().args(["--smooth-angle", "50"]).arg(&cube).arg(&out).assert().success().stderr(nothing);
+    let middle = contains("0 of 188 new vertices on the feature");
+    sharpen().args(["--max-shift", "0.01"]).arg(&cube).arg(&out).assert().success().stderr(middle);
+}
+
+#[test]
+fn wrong_usage_is_status_2() {
+    let (folder, cube) = folder_with_cube();
+    let out = folder.path().join("out.obj");
+    for flags in [
+        &["--smooth-factor", "-1"][..],
+        &["--smooth-factor", "nan"],
+        &["--smooth-angle", "181"],
+        &["--smooth-angle", "5", "--smooth-factor", "2"],
+        &["--threads", "0"],
+        &["--no-such-flag"],
+    ] {
+        sharpen().args(flags).arg(&cube).arg(&out).assert().code(2);
+    }
+    sharpen().assert().code(2);
+    assert_eq!(names(&folder), ["cube.obj"]);
+}
+
+#[test]
+fn help_and_version_succeed() {
+    sharpen().arg("--help").assert().success().stdout(contains("Usage: sharpen"));
+    sharpen().arg("--version").assert().success().stdout(contains(env!("CARGO_PKG_VERSION")));
+}
+
+#[test]
+fn bad_input_is_one_line_with_file_line_and_reason_and_writes_nothing() {
+    let folder = folder();
+    let out = folder.path().join("out.obj");
+    fs::write(&out, "kept").unwrap();
+    for (name, content, expected) in [
+        ("empty.obj", "", "no faces"),
+        ("points.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\n", "no faces"),
+        ("range.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 4\n", "range.obj:4: "),
+        ("nan.obj", "v 0 0 nan\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "nan.obj:1: "),
+        ("comma.obj", "v 0,5 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "comma.obj:1: "),
+        ("zero.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 0 1 2\n", "zero.obj:4: "),
+    ] {
+        let path = folder.path().join(name);
+        fs::write(&path, content).unwrap();
+        let one_line = predicate::function(|text: &str| text.lines().count() == 1);
+        sharpen().arg(&path).arg(&out).assert().code(1).stdout("").stderr(contains(expected).and(one_line));
+        fs::remove_file(&path).unwrap();
+    }
+    for missing in [folder.path().join("none.obj"), folder.path().to_owned()] {
+        sharpen().arg(missing).arg(&out).assert().code(1).stderr(contains("cannot read"));
+    }
+    assert_eq!(fs::read_to_string(&out).unwrap(), "kept");
+    assert_eq!(names(&folder), ["out.obj"]);
+}
