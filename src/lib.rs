@@ -39,6 +39,7 @@ pub mod mesh;
 pub mod options;
 pub mod place;
 pub mod refine;
+pub mod regions;
 pub mod report;
 pub mod tags;
 
