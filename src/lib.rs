@@ -40,6 +40,7 @@ pub mod options;
 pub mod paint;
 pub mod place;
 pub mod refine;
+pub mod regions;
 pub mod report;
 pub mod tags;
 #[expect(dead_code, reason = "the region fits will call it")]
