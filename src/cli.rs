@@ -148,11 +148,15 @@ fn details(report: &Report) -> String {
     let mut lines = vec![format!("smooth below {:.3} degrees", report.found.threshold_deg)];
     let in_the_middle = report.inserted.iter().filter(|&(&outcome, _)| outcome != Outcome::Moved);
     lines.extend(in_the_middle.map(|(outcome, count)| format!("left in the middle, {outcome}: {count}")));
-    let mended = report.degenerate_faces;
-    lines.push(format!(
-        "degenerate faces: {} collapsed, {} flipped, {} left",
-        mended.collapsed, mended.flipped, mended.left
-    ));
+    if let Some(mended) = report.degenerate_faces {
+        let (collapsed, flipped, left) = (mended.collapsed, mended.flipped, mended.left);
+        lines.push(format!("degenerate faces: {collapsed} collapsed, {flipped} flipped, {left} left"));
+    }
+    if let Some(untangled) = report.untangled {
+        let (bad, collapsed, flipped) = (untangled.bad_before, untangled.collapsed, untangled.flipped);
+        let left = untangled.left;
+        lines.push(format!("{bad} bad faces: {collapsed} edges collapsed, {flipped} flipped; {left} left"));
+    }
     let defects = report.input.defects;
     for (count, what) in [
         (defects.non_manifold_edges, "non-manifold edges"),

@@ -166,6 +166,8 @@ pub struct Refined {
     /// The new edges that join two inserted vertices within a face (cases b and c, not d): the pieces of
     /// the recovered creases.
     pub creases: Vec<[Vert; 2]>,
+    /// Where each inserted vertex would be in the middle of its (moved) edge or face. `[N]`
+    pub middles: Vec<DVec3>,
 }
 
 /// One child triangle: its corners, and where they lie in the parent.
@@ -278,12 +280,11 @@ pub fn refine(mesh: &Mesh, inserts: &Inserts) -> Result<Refined, MeshError> {
             _ => {}
         }
     }
-    drop(middles);
     points.extend_from_slice(&inserts.points);
     let mesh = Mesh::new(points, faces)?;
     debug_assert_eq!(mesh.check(), Ok(()));
     let lineage = Lineage { parents: parents.into(), corners: places.into(), foreign: Vec::new() };
-    Ok(Refined { mesh, lineage, creases })
+    Ok(Refined { mesh, lineage, creases, middles })
 }
 
 /// Where the new vertices would be if they stayed in the middle of the (moved) old ones.

@@ -39,6 +39,9 @@ const MIN_REGION: usize = 4;
 /// false edges, at 60 true ones are lost.
 const CHAMFER_ANGLE: f64 = 45.0 * std::f64::consts::PI / 180.0;
 
+/// A vertex this close to two fits lies on their crease, in mean edge lengths.
+const ON_CREASE: f64 = 0.05;
+
 /// What the region fits say about a mesh.
 #[derive(Clone, Debug, Default)]
 pub struct RegionLabels {
@@ -102,6 +105,22 @@ impl VertexFits {
 
     fn set(&mut self, v: Vert, fit: Fit) {
         self.fits[self.slot[v] as usize] = Some(fit);
+    }
+}
+
+impl RegionLabels {
+    /// Whether the old edge of `h` lies on a crease already: the fits of the vertices across its two
+    /// faces make a chamfer angle on it, and both its ends lie on both fits.
+    #[must_use]
+    pub fn is_sharp_already(&self, mesh: &Mesh, h: Half) -> bool {
+        let Some(twin) = mesh.twin(h) else { return false };
+        let fits = (self.fits.get(mesh.opposite(h)), self.fits.get(mesh.opposite(twin)));
+        let (Some(p), Some(q)) = fits else { return false };
+        let ends = [mesh.from(h), mesh.to(h)].map(|v| mesh.point(v));
+        let middle = ends[0].midpoint(ends[1]);
+        let normal = |fit: &Fit| fit.evaluate(middle, self.mean_edge).1;
+        let is_on = |fit: &Fit| ends.iter().all(|&end| fit.evaluate(end, self.mean_edge).0.abs() < ON_CREASE);
+        normal(p).dot(normal(q)) < CHAMFER_ANGLE.cos() && is_on(p) && is_on(q)
     }
 }
 

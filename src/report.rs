@@ -10,6 +10,7 @@ use crate::collapse::CollapseCounts;
 use crate::mesh::{EdgeDefects, Mesh};
 use crate::options::Method;
 use crate::place::Outcome;
+use crate::untangle::UntangleCounts;
 
 /// Numbers of elements of a mesh.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
@@ -82,8 +83,14 @@ pub struct Report {
     /// How many inserted vertices moved onto their feature, and how many stayed in the middle for which
     /// reason.
     pub inserted: BTreeMap<Outcome, usize>,
-    /// What became of degenerate faces.
-    pub degenerate_faces: CollapseCounts,
+    /// Old vertices that moved onto the surface that their region's fit predicts.
+    pub moved_vertices: usize,
+    /// What became of degenerate faces, where the papers' clean-up ran.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub degenerate_faces: Option<CollapseCounts>,
+    /// What became of folds and slivers, where untangling ran.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub untangled: Option<UntangleCounts>,
     /// Old vertices that were collapsed; an inserted vertex has taken the index of each.
     pub replaced_vertices: Vec<usize>,
     /// Edges tagged as sharp in the output.

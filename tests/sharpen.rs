@@ -9,7 +9,7 @@ use sharpen::mesh::Vert;
 use sharpen::place::Outcome;
 use sharpen::{Mesh, Method, Options, Sharpened, sharpen};
 
-const METHODS: [Method; 2] = [Method::Filters, Method::Paper];
+const METHODS: [Method; 3] = [Method::Regions, Method::Filters, Method::Paper];
 
 fn run(mesh: &Mesh, method: Method) -> Sharpened {
     let sharpened = sharpen(mesh, &Options { method, ..Options::default() }).unwrap();
