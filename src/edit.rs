@@ -8,7 +8,7 @@
 
 use glam::DVec3;
 
-use crate::mesh::{Face, Half, Mesh, MeshError, PerFace, PerVert, Vert};
+use crate::mesh::{EdgeDefects, Face, Half, Mesh, MeshError, PerFace, PerHalf, PerVert, Vert};
 use crate::refine::{Inserts, Lineage, Place, Refined};
 
 /// A face that an edit removed.
@@ -235,9 +235,56 @@ impl<'m> Edit<'m> {
         }
         lineage.parents = parents.into();
         lineage.corners = places.into();
-        let mesh = Mesh::new(points, faces)?;
+        let mesh = match self.inherited_twins(&faces) {
+            Some(twins) => Mesh::with_twins(points, faces, twins)?,
+            None => Mesh::new(points, faces)?,
+        };
         debug_assert_eq!(mesh.check(), Ok(()));
         Ok(Edited { mesh, lineage, now, replaced })
+    }
+
+    /// The twins after compaction: those of untouched faces as they were, the others paired anew. None
+    /// where some edge is not manifold. `faces` are the compacted ones.
+    fn inherited_twins(&self, faces: &[[Vert; 3]]) -> Option<PerHalf<Half>> {
+        let before = &self.refined.mesh;
+        if before.defects() != EdgeDefects::default() {
+            return None;
+        }
+        let mut compacted = PerFace::filled(before.n_faces(), Face::NONE);
+        for (i, f) in before.face_ids().filter(|&f| self.stands(f)).enumerate() {
+            compacted[f] = Face::new(i);
+        }
+        let is_untouched = |f: Face| self.faces[f] == before.corners(f);
+        let mut twins = PerHalf::filled(3 * faces.len(), Half::NONE);
+        let mut loose: Vec<(Vert, Vert, Half)> = Vec::new();
+        for h in before.halves().filter(|h| compacted[h.face()].is_some()) {
+            let now = compacted[h.face()].half(h.corner());
+            match before.twin(h) {
+                Some(t) if is_untouched(h.face()) && is_untouched(t.face()) => {
+                    twins[now] = compacted[t.face()].half(t.corner());
+                }
+                None if is_untouched(h.face()) => {}
+                _ => {
+                    let corners = faces[now.face().index()];
+                    let (a, b) = (corners[now.corner()], corners[(now.corner() + 1) % 3]);
+                    loose.push((a.min(b), a.max(b), now));
+                }
+            }
+        }
+        loose.sort_unstable();
+        for edge in loose.chunk_by(|x, y| (x.0, x.1) == (y.0, y.1)) {
+            match *edge {
+                [_] => {}
+                [(_, _, g), (_, _, h)]
+                    if faces[g.face().index()][g.corner()] != faces[h.face().index()][h.corner()] =>
+                {
+                    twins[g] = h;
+                    twins[h] = g;
+                }
+                _ => return None,
+            }
+        }
+        Some(twins)
     }
 
     /// New indices `[V]`, the old vertices that are gone, and the points in their new order.

@@ -282,19 +282,25 @@ impl Mesh {
     /// # Errors
     /// When a face names a vertex that does not exist, or the index type cannot count the elements.
     pub fn new(points: Vec<DVec3>, faces: Vec<[Vert; 3]>) -> Result<Self, MeshError> {
-        let too_large = |what, count, limit| Err(MeshError::TooLarge { what, count, limit });
-        if faces.len() > MAX_FACES {
-            return too_large("faces", faces.len(), MAX_FACES);
-        }
-        if points.len() > MAX_VERTS {
-            return too_large("vertices", points.len(), MAX_VERTS);
-        }
+        check_size(points.len(), faces.len())?;
         for (face, corners) in faces.iter().enumerate() {
             if let Some(v) = corners.iter().find(|v| v.index() >= points.len()) {
                 return Err(MeshError::NoSuchVertex { face, vertex: v.index(), vertices: points.len() });
             }
         }
         let (twins, defects) = pair_twins(points.len(), &faces);
+        Ok(Self { points: points.into(), faces: faces.into(), twins, defects, fans: OnceLock::new() })
+    }
+
+    /// Builds a mesh whose twins are known: those that [`new`](Self::new) would pair. There is no edge
+    /// that is not manifold and no face that names a vertex twice.
+    pub(crate) fn with_twins(
+        points: Vec<DVec3>,
+        faces: Vec<[Vert; 3]>,
+        twins: PerHalf<Half>,
+    ) -> Result<Self, MeshError> {
+        check_size(points.len(), faces.len())?;
+        let defects = EdgeDefects::default();
         Ok(Self { points: points.into(), faces: faces.into(), twins, defects, fans: OnceLock::new() })
     }
 
@@ -521,6 +527,17 @@ impl Mesh {
         }
         self.fans().check(self)
     }
+}
+
+pub(crate) fn check_size(n_verts: usize, n_faces: usize) -> Result<(), MeshError> {
+    let too_large = |what, count, limit| Err(MeshError::TooLarge { what, count, limit });
+    if n_faces > MAX_FACES {
+        return too_large("faces", n_faces, MAX_FACES);
+    }
+    if n_verts > MAX_VERTS {
+        return too_large("vertices", n_verts, MAX_VERTS);
+    }
+    Ok(())
 }
 
 /// Pairs each half-edge with the one that runs the other way, where these two are alone on their edge.

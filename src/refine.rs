@@ -18,7 +18,9 @@
 
 use glam::DVec3;
 
-use crate::mesh::{Face, Half, Mesh, MeshError, PerFace, PerHalf, Vert, has_repeated_vertex};
+use crate::mesh::{
+    EdgeDefects, Face, Half, Mesh, MeshError, PerFace, PerHalf, Vert, check_size, has_repeated_vertex,
+};
 
 /// New vertices for a mesh, as data: who makes them (sharpening, bending) does not matter here.
 ///
@@ -263,6 +265,7 @@ pub fn refine(mesh: &Mesh, inserts: &Inserts) -> Result<Refined, MeshError> {
     let n_splits = |f: Face| f.halves().into_iter().filter(|&h| inserts.on_edge[h].is_some()).count();
     let n_faces = mesh.face_ids().map(|f| n_splits(f) + 1).sum::<usize>() + 2 * inserts.in_face.len();
 
+    check_size(mesh.n_verts() + inserts.points.len(), n_faces)?;
     let mut faces = Vec::with_capacity(n_faces);
     let mut parents = Vec::with_capacity(n_faces);
     let mut places = Vec::with_capacity(3 * n_faces);
@@ -281,10 +284,88 @@ pub fn refine(mesh: &Mesh, inserts: &Inserts) -> Result<Refined, MeshError> {
         }
     }
     points.extend_from_slice(&inserts.points);
-    let mesh = Mesh::new(points, faces)?;
-    debug_assert_eq!(mesh.check(), Ok(()));
     let lineage = Lineage { parents: parents.into(), corners: places.into(), foreign: Vec::new() };
+    let mesh = match inherited_twins(mesh, inserts, &lineage, &faces) {
+        Some(twins) => Mesh::with_twins(points, faces, twins)?,
+        None => Mesh::new(points, faces)?,
+    };
+    debug_assert_eq!(mesh.check(), Ok(()));
     Ok(Refined { mesh, lineage, creases, middles })
+}
+
+/// The twins of the children, from the twins of their parents: what pairing anew would find, without
+/// sorting. None where it might find something else, because two faces share all their vertices or edges
+/// are not all manifold.
+fn inherited_twins(
+    mesh: &Mesh,
+    inserts: &Inserts,
+    lineage: &Lineage,
+    faces: &[[Vert; 3]],
+) -> Option<PerHalf<Half>> {
+    let is_split = |h: Half| inserts.on_edge[h].is_some();
+    let is_pillow = |h: Half| mesh.twin(h).is_some_and(|t| mesh.opposite(h) == mesh.opposite(t));
+    if mesh.defects() != EdgeDefects::default() || mesh.edges().any(|h| is_split(h) && is_pillow(h)) {
+        return None;
+    }
+    // The child half-edge that starts where the parent's does, and, on a split edge, the one that ends
+    // where it does (by inserted vertex, the lower twin's first).
+    let mut first = PerHalf::filled(mesh.n_halves(), Half::NONE);
+    let mut last = vec![[Half::NONE; 2]; inserts.points.len()];
+    let is_upper = |h: Half| usize::from(mesh.edge(h) != h);
+    let slot = |h: Half| inserts.on_edge[h].index() - mesh.n_verts();
+    let mut twins = PerHalf::filled(3 * faces.len(), Half::NONE);
+    let mut inner: Vec<Half> = Vec::new();
+    let mut next = 0;
+    while next < faces.len() {
+        let parent = lineage.parents[Face::new(next)];
+        while next < faces.len() && lineage.parents[Face::new(next)] == parent {
+            for child in Face::new(next).halves() {
+                match (lineage.corners[child], lineage.corners[child.next()]) {
+                    (Place::Corner(i), Place::Corner(j)) if j == (i + 1) % 3 => {
+                        first[parent.half(i.into())] = child;
+                    }
+                    (Place::Corner(i), Place::Mid(j)) if i == j => first[parent.half(i.into())] = child,
+                    (Place::Mid(i), Place::Corner(j)) if j == (i + 1) % 3 => {
+                        let half = parent.half(i.into());
+                        last[slot(half)][is_upper(half)] = child;
+                    }
+                    _ => inner.push(child),
+                }
+            }
+            next += 1;
+        }
+        pair_inner(&inner, faces, &mut twins);
+        inner.clear();
+    }
+    for h in mesh.edges() {
+        let Some(twin) = mesh.twin(h) else { continue };
+        let pairs = if is_split(h) {
+            let [own, other] = last[slot(h)];
+            [(first[h], other), (own, first[twin])]
+        } else {
+            [(first[h], first[twin]); 2]
+        };
+        for (a, b) in pairs {
+            twins[a] = b;
+            twins[b] = a;
+        }
+    }
+    Some(twins)
+}
+
+/// Pairs the half-edges inside one split face: at most twelve, each with its opposite.
+fn pair_inner(inner: &[Half], faces: &[[Vert; 3]], twins: &mut PerHalf<Half>) {
+    let ends = |h: Half| {
+        let corners = faces[h.face().index()];
+        (corners[h.corner()], corners[(h.corner() + 1) % 3])
+    };
+    for (i, &g) in inner.iter().enumerate() {
+        let (from, to) = ends(g);
+        if let Some(&h) = inner[i + 1..].iter().find(|&&h| ends(h) == (to, from)) {
+            twins[g] = h;
+            twins[h] = g;
+        }
+    }
 }
 
 /// Where the new vertices would be if they stayed in the middle of the (moved) old ones.
@@ -394,6 +475,21 @@ mod tests {
         assert_eq!(faces(&r), [[2, 4, 1], [4, 0, 1], [0, 4, 3], [4, 2, 3]]);
         assert_eq!(r.lineage.parents.as_slice(), [0, 0, 1, 1].map(Face::new));
         assert_eq!(r.mesh.edges().filter(|&h| r.mesh.is_border(h)).count(), 4);
+    }
+
+    // `refine` checks in debug builds that inherited twins are those that pairing anew would find.
+    #[test]
+    fn faces_that_share_all_their_vertices_are_split_too() {
+        let p = [[0., 0., 0.], [1., 0., 0.], [0., 1., 0.], [0., 0., 1.]];
+        let pillow = mesh(&p[..3], &[[0, 1, 2], [2, 1, 0]]);
+        let r = refined(&pillow, &[0, 1], &[]);
+        // Both faces of the pillow have the edge between the new vertices, and the same diagonal.
+        assert_eq!((r.mesh.n_faces(), r.mesh.defects().non_manifold_edges), (6, 2));
+        let doubled = mesh(&p[..3], &[[0, 1, 2], [0, 1, 2]]);
+        assert_eq!(refined(&doubled, &[0, 1, 2], &[]).mesh.n_faces(), 8);
+        let tetrahedron = mesh(&p, &[[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]]);
+        let r = refined(&tetrahedron, &(0..12).collect::<Vec<_>>(), &[0, 1, 2, 3]);
+        assert!(r.mesh.n_faces() == 24 && r.mesh.halves().all(|h| !r.mesh.is_border(h)));
     }
 
     #[test]

@@ -8,6 +8,7 @@
 //! Cost: O(edges at tagged vertices).
 
 use crate::classify::dihedral_angle;
+use crate::geometry::{angle_between, unit_normal};
 use crate::mesh::{Half, Mesh, PerHalf, PerVert, Vert};
 
 /// An edge with a smaller dihedral angle in the output is not sharp, in radians: 15 degrees. With it a
@@ -53,11 +54,21 @@ impl Tags {
     /// edge without an angle (a border, a face without area) keeps its tag.
     #[must_use]
     pub fn where_bent(mesh: &Mesh, candidates: impl IntoIterator<Item = [Vert; 2]>) -> Self {
-        let normals = mesh.face_normals();
-        let bends = |h: Half| dihedral_angle(mesh, &normals, h).is_none_or(|angle| angle >= MIN_SHARP_ANGLE);
-        let half = |[a, b]: [Vert; 2]| mesh.half_between(a, b).or_else(|| mesh.half_between(b, a));
-        let is_sharp = |edge: &[Vert; 2]| half(*edge).is_some_and(bends);
-        Self::new(candidates.into_iter().filter(is_sharp), [])
+        let candidates = Self::new(candidates, []);
+        let mut is_end = PerVert::filled(mesh.n_verts(), false);
+        candidates.tagged.iter().for_each(|&v| is_end[v] = true);
+        let normal = |h: Half| unit_normal(mesh.triangle(h.face()));
+        let bends = |h: Half| {
+            let normals = (normal(h), mesh.twin(h).and_then(normal));
+            let (Some(n), Some(m)) = normals else { return true };
+            angle_between(n, m) >= MIN_SHARP_ANGLE
+        };
+        let is_candidate = |h: &Half| {
+            let [a, b] = [mesh.from(*h), mesh.to(*h)];
+            is_end[a] && is_end[b] && candidates.sharp.binary_search(&[a.min(b), a.max(b)]).is_ok()
+        };
+        let sharp = mesh.edges().filter(is_candidate).filter(|&h| bends(h));
+        Self::new(sharp.map(|h| [mesh.from(h), mesh.to(h)]), [])
     }
 
     /// The sharp edges, lower vertex first, ascending.
