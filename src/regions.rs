@@ -134,6 +134,8 @@ struct Surface<'a> {
     interior: PerVert<bool>,
     deep: PerVert<bool>,
     red_face: PerFace<bool>,
+    /// The angle of each half-edge's face at the corner that it leaves. `[3F]`
+    angles: PerHalf<f64>,
 }
 
 /// Labels the doubtful vertices of `mesh` with the smooth regions that explain them, and finds the
@@ -188,7 +190,8 @@ impl<'a> Surface<'a> {
         let deep = per_vertex(mesh, is_deep);
         let core = core_faces(mesh, &interior);
         let red_face = flood_over_smooth_edges(mesh, &labels.smooth_edge, core);
-        Self { mesh, face_normals, h: mean_edge_length(mesh), neighbours, interior, deep, red_face }
+        let (h, angles) = (mean_edge_length(mesh), corner_angles(mesh));
+        Self { mesh, face_normals, h, neighbours, interior, deep, red_face, angles }
     }
 
     /// Vertices that are not interior, and the interior ones next to them, ascending.
@@ -201,7 +204,7 @@ impl<'a> Surface<'a> {
     /// face does.
     fn normal(&self, v: Vert, counts: impl Fn(Face) -> bool) -> DVec3 {
         let faces = self.mesh.leaving(v).iter().filter(|h| counts(h.face()));
-        let weighted = |&h: &Half| crate::place::corner_angle(self.mesh, h) * self.face_normals[h.face()];
+        let weighted = |&h: &Half| self.angles[h] * self.face_normals[h.face()];
         let sum: DVec3 = faces.map(weighted).sum();
         let length = sum.length();
         // Unit normals times angles: a sum of rounding errors only has no direction.
@@ -302,6 +305,20 @@ fn mean_edge_length(mesh: &Mesh) -> f64 {
         .collect();
     let (sum, n) = chunks.into_iter().fold((0.0, 0), |(s, n), (t, m)| (s + t, n + m));
     if n == 0 { 0.0 } else { sum / n as f64 }
+}
+
+/// The angle of each face at each of its corners, in radians; what a face without area has does not
+/// matter. `[3F]`
+fn corner_angles(mesh: &Mesh) -> PerHalf<f64> {
+    let angles = |corners: &[Vert; 3]| {
+        let [a, b, c] = corners.map(|v| mesh.point(v));
+        let (ab, bc, ca) = (b - a, c - b, a - c);
+        let twice_area = ab.cross(ca).length();
+        let (at_a, at_b) = (twice_area.atan2(-ab.dot(ca)), twice_area.atan2(-ab.dot(bc)));
+        [at_a, at_b, std::f64::consts::PI - at_a - at_b]
+    };
+    let nested: Vec<[f64; 3]> = mesh.faces().par_iter().map(angles).collect();
+    nested.into_flattened().into()
 }
 
 /// The vertices that share an edge with each vertex, ascending, each once.

@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use super::patch::{Cluster, Patch};
+use super::patch::{Cluster, Member, Patch};
 use super::{Surface, VertexFits};
 use crate::fit::{Fit, FitSource, Sample, fit_samples};
 use crate::mesh::Vert;
@@ -42,30 +42,30 @@ const ADOPTED_COSINE: f64 = 0.77;
 pub(super) fn explain_by_regions(surface: &Surface) -> VertexFits {
     let mut fits = VertexFits::none(surface.mesh.n_verts(), surface.doubtful());
     let normals = super::per_vertex(surface.mesh, |v| surface.normal(v, |_| true));
+    let per_h = surface.h.recip();
     let explain = |(patch, samples): &mut (Patch, Vec<Sample>), &v: &Vert| {
         patch.search(surface, v);
-        let fit = |patch: &mut Patch, samples: &mut Vec<Sample>, cluster: Cluster| {
-            let sample = |(w, offset)| Sample {
-                offset,
-                normal: normals[w],
-                trust: if surface.deep[w] { 1.0 } else { SHALLOW_TRUST },
+        let fit = |samples: &mut Vec<Sample>, cluster: &Cluster| {
+            let sample = |member: &Member| Sample {
+                offset: member.offset * per_h,
+                normal: normals[member.vertex],
+                trust: if surface.deep[member.vertex] { 1.0 } else { SHALLOW_TRUST },
             };
             samples.clear();
-            samples.extend(patch.members(cluster).map(sample));
+            samples.extend(patch.members(cluster).iter().map(sample));
             let fit = fit_samples(surface.mesh.point(v), samples, FitSource::Region);
             fit.filter(|fit| fit.rms <= MAX_RMS)
         };
         if surface.interior[v] {
-            return patch.own_cluster().and_then(|own| fit(patch, samples, own));
+            return patch.clusters().first().and_then(|own| fit(samples, own));
         }
         let mut best: Option<(f64, Fit)> = None;
-        for i in 0..patch.clusters().len() {
-            let cluster = patch.clusters()[i];
-            let penalty = DISTANCE_PENALTY * (cluster.distance() - 1.0);
+        for cluster in patch.clusters() {
+            let penalty = DISTANCE_PENALTY * (cluster.distance() * per_h - 1.0);
             if best.as_ref().is_some_and(|&(score, _)| score <= penalty) {
                 break; // No region from here on can be better.
             }
-            let Some(fit) = fit(patch, samples, cluster) else { continue };
+            let Some(fit) = fit(samples, cluster) else { continue };
             let score = fit.displacement.abs() + penalty;
             if best.as_ref().is_none_or(|&(least, _)| score < least) {
                 best = Some((score, fit));

@@ -1,4 +1,6 @@
-//! The neighbourhood of one doubtful vertex, and the smooth regions in it (step 3).
+//! The smooth regions in the neighbourhood of one doubtful vertex (step 3).
+
+use std::ops::Range;
 
 use glam::DVec3;
 
@@ -14,27 +16,23 @@ const REACH_IN_REGION: f64 = 4.5;
 /// a mesh with most of its vertices in one place would take time in the square of their number.
 pub(super) const MAX_MEMBERS: usize = 1024;
 
-/// A vertex of the patch.
-struct Member {
-    vertex: Vert,
-    offset: DVec3,
-    /// Square of its distance from the centre, in units of h².
-    distance_squared: f64,
-    is_interior: bool,
-    /// Another member of its cluster with a lower place, or itself.
-    parent: u32,
+/// An interior vertex of the patch, and the way to it from the centre.
+#[derive(Clone, Copy)]
+pub(super) struct Member {
+    pub vertex: Vert,
+    pub offset: DVec3,
 }
 
 /// The interior vertices of the patch that are joined within it: one smooth region.
-#[derive(Clone, Copy)]
+#[derive(Clone)]
 pub(super) struct Cluster {
-    root: u32,
-    nearest_squared: f64,
+    members: Range<usize>,
     nearest: Vert,
+    nearest_squared: f64,
 }
 
 impl Cluster {
-    /// From the centre to the nearest vertex of the cluster, in h.
+    /// From the centre to the nearest vertex of the cluster.
     pub fn distance(&self) -> f64 {
         self.nearest_squared.sqrt()
     }
@@ -43,131 +41,121 @@ impl Cluster {
 /// Finds patches one after the other in the same memory.
 #[derive(Default)]
 pub(super) struct Patch {
+    /// The interior vertices, cluster by cluster.
     members: Vec<Member>,
     clusters: Vec<Cluster>,
-    table: Table,
+    /// The other vertices.
+    doubtful: Vec<Vert>,
+    known: VertexSet,
 }
 
 impl Patch {
-    /// Searches breadth first from `centre`, by edges.
+    /// Searches the patch of `centre`, by edges. Round an interior vertex it finds nothing but the smooth
+    /// region that the vertex belongs to.
+    ///
+    /// A region is flooded to its end as soon as the search comes upon it, so that it is found once and
+    /// whole; doubtful vertices wait until then.
     pub fn search(&mut self, surface: &Surface, centre: Vert) {
         self.members.clear();
-        self.table.clear();
+        self.clusters.clear();
+        self.doubtful.clear();
+        self.known.clear();
+        let slot = self.known.slot(centre);
+        self.known.fill(slot, centre);
+        if surface.interior[centre] {
+            self.flood_region(surface, centre, centre);
+            return;
+        }
+        let reach = (REACH * surface.h).powi(2);
         let origin = surface.mesh.point(centre);
-        self.enter(surface, centre, DVec3::ZERO);
+        self.doubtful.push(centre);
         let mut next = 0;
-        while let Some(member) = self.members.get(next) {
-            let is_interior = member.is_interior;
-            for &w in surface.neighbours.of_vertex(member.vertex) {
-                if let Some(known) = self.table.get(w) {
-                    // Each edge is seen from both ends, the second time with both ends known.
-                    if (known as usize) < next && is_interior && self.members[known as usize].is_interior {
-                        self.join(known, next as u32);
-                    }
+        while let Some(&v) = self.doubtful.get(next) {
+            for &w in surface.neighbours.of_vertex(v) {
+                let Some(slot) = self.known.free_slot(w) else { continue };
+                if surface.mesh.point(w).distance_squared(origin) > reach || self.is_full() {
                     continue;
                 }
-                let offset = (surface.mesh.point(w) - origin) / surface.h;
-                let distance_squared = offset.length_squared();
-                let is_near = distance_squared <= REACH * REACH
-                    || (distance_squared <= REACH_IN_REGION * REACH_IN_REGION
-                        && is_interior
-                        && surface.interior[w]);
-                if is_near && self.members.len() < MAX_MEMBERS {
-                    self.enter(surface, w, offset);
+                self.known.fill(slot, w);
+                if surface.interior[w] {
+                    self.flood_region(surface, centre, w);
+                } else {
+                    self.doubtful.push(w);
                 }
             }
             next += 1;
         }
-        self.find_clusters();
-    }
-
-    fn enter(&mut self, surface: &Surface, vertex: Vert, offset: DVec3) {
-        let place = self.members.len() as u32;
-        let is_interior = surface.interior[vertex];
-        let distance_squared = offset.length_squared();
-        self.members.push(Member { vertex, offset, distance_squared, is_interior, parent: place });
-        self.table.insert(vertex, place);
-    }
-
-    fn root(&mut self, mut place: u32) -> u32 {
-        while self.members[place as usize].parent != place {
-            let parent = self.members[place as usize].parent;
-            let grandparent = self.members[parent as usize].parent;
-            self.members[place as usize].parent = grandparent;
-            place = grandparent;
-        }
-        place
-    }
-
-    fn join(&mut self, a: u32, b: u32) {
-        let (a, b) = (self.root(a), self.root(b));
-        self.members[a.max(b) as usize].parent = a.min(b);
-    }
-
-    fn find_clusters(&mut self) {
-        self.clusters.clear();
-        for place in 0..self.members.len() as u32 {
-            if !self.members[place as usize].is_interior {
-                continue;
-            }
-            let root = self.root(place);
-            let Member { vertex, distance_squared, .. } = self.members[place as usize];
-            // A root comes before the other members of its cluster.
-            if root == place {
-                self.clusters.push(Cluster { root, nearest_squared: distance_squared, nearest: vertex });
-                continue;
-            }
-            let is_its = |cluster: &&mut Cluster| cluster.root == root;
-            let nearer = |cluster: &&mut Cluster| {
-                (distance_squared, vertex) < (cluster.nearest_squared, cluster.nearest)
-            };
-            if let Some(cluster) = self.clusters.iter_mut().find(is_its).filter(nearer) {
-                (cluster.nearest_squared, cluster.nearest) = (distance_squared, vertex);
-            }
-        }
-        self.clusters.retain(|cluster| cluster.nearest_squared <= REACH * REACH);
         self.clusters.sort_unstable_by(|a, b| {
             a.nearest_squared.total_cmp(&b.nearest_squared).then(a.nearest.cmp(&b.nearest))
         });
     }
 
-    /// The clusters that come within reach, the nearest first.
+    fn is_full(&self) -> bool {
+        self.members.len() + self.doubtful.len() >= MAX_MEMBERS
+    }
+
+    /// Makes a cluster of the interior vertices that are joined to `seed` (known already) within reach,
+    /// and notes the doubtful vertices beside it.
+    fn flood_region(&mut self, surface: &Surface, centre: Vert, seed: Vert) {
+        let reach = (REACH * surface.h).powi(2);
+        let reach_in_region = (REACH_IN_REGION * surface.h).powi(2);
+        let origin = surface.mesh.point(centre);
+        let offset = surface.mesh.point(seed) - origin;
+        let first = self.members.len();
+        let mut next = first;
+        let (mut nearest, mut nearest_squared) = (seed, offset.length_squared());
+        self.members.push(Member { vertex: seed, offset });
+        while let Some(&Member { vertex, .. }) = self.members.get(next) {
+            for &w in surface.neighbours.of_vertex(vertex) {
+                let Some(slot) = self.known.free_slot(w) else { continue };
+                let offset = surface.mesh.point(w) - origin;
+                let squared = offset.length_squared();
+                let is_interior = surface.interior[w];
+                if squared > if is_interior { reach_in_region } else { reach } || self.is_full() {
+                    continue;
+                }
+                self.known.fill(slot, w);
+                if is_interior {
+                    self.members.push(Member { vertex: w, offset });
+                    if (squared, w) < (nearest_squared, nearest) {
+                        (nearest, nearest_squared) = (w, squared);
+                    }
+                } else {
+                    self.doubtful.push(w);
+                }
+            }
+            next += 1;
+        }
+        let members = first..self.members.len();
+        self.clusters.push(Cluster { members, nearest, nearest_squared });
+    }
+
+    /// The clusters, the nearest first. All of them come within reach.
     pub fn clusters(&self) -> &[Cluster] {
         &self.clusters
     }
 
-    /// The cluster that the centre itself belongs to, if it is an interior vertex.
-    pub fn own_cluster(&self) -> Option<Cluster> {
-        // The centre was entered first, so it is the root of its cluster.
-        self.clusters.iter().copied().find(|cluster| cluster.root == 0)
-    }
-
-    /// The members of `cluster` with their offsets from the centre, in h.
-    pub fn members(&mut self, cluster: Cluster) -> impl Iterator<Item = (Vert, DVec3)> {
-        for place in 0..self.members.len() as u32 {
-            let root = self.root(place);
-            self.members[place as usize].parent = root;
-        }
-        let is_member = move |member: &&Member| member.is_interior && member.parent == cluster.root;
-        self.members.iter().filter(is_member).map(|member| (member.vertex, member.offset))
+    /// The members of `cluster`.
+    pub fn members(&self, cluster: &Cluster) -> &[Member] {
+        &self.members[cluster.members.clone()]
     }
 }
 
-/// Where each vertex of the patch stands in it: open addressing, at most half full.
-struct Table {
-    slots: Vec<(Vert, u32)>,
+/// A small set of vertices: open addressing, at most half full.
+struct VertexSet {
+    slots: Vec<Vert>,
     n_used: usize,
 }
 
-impl Default for Table {
+impl Default for VertexSet {
     fn default() -> Self {
-        Self { slots: vec![(Vert::NONE, 0); 512], n_used: 0 }
+        Self { slots: vec![Vert::NONE; 512], n_used: 0 }
     }
 }
 
-impl Table {
+impl VertexSet {
     fn clear(&mut self) {
-        self.slots.fill((Vert::NONE, 0));
+        self.slots.fill(Vert::NONE);
         self.n_used = 0;
     }
 
@@ -177,30 +165,36 @@ impl Table {
         let mask = self.slots.len() - 1;
         // Fibonacci hashing: neighbouring indices are spread over the table.
         let mut slot = (v.index().wrapping_mul(0x9E37_79B9) >> 8) & mask;
-        while self.slots[slot].0 != v && self.slots[slot].0.is_some() {
+        while self.slots[slot] != v && self.slots[slot].is_some() {
             slot = (slot + 1) & mask;
         }
         slot
     }
 
+    /// Where `v` belongs, if it is not in the set.
     #[inline]
-    fn get(&self, v: Vert) -> Option<u32> {
-        let (vertex, place) = self.slots[self.slot(v)];
-        vertex.is_some().then_some(place)
+    fn free_slot(&self, v: Vert) -> Option<usize> {
+        let slot = self.slot(v);
+        (!self.slots[slot].is_some()).then_some(slot)
     }
 
-    fn insert(&mut self, v: Vert, place: u32) {
-        if 2 * (self.n_used + 1) > self.slots.len() {
-            let larger = vec![(Vert::NONE, 0); 2 * self.slots.len()];
-            for (vertex, place) in std::mem::replace(&mut self.slots, larger) {
-                if vertex.is_some() {
-                    let slot = self.slot(vertex);
-                    self.slots[slot] = (vertex, place);
-                }
+    /// Puts `v` into its free slot.
+    #[inline]
+    fn fill(&mut self, slot: usize, v: Vert) {
+        self.slots[slot] = v;
+        self.n_used += 1;
+        if 2 * self.n_used > self.slots.len() {
+            self.grow();
+        }
+    }
+
+    fn grow(&mut self) {
+        let larger = vec![Vert::NONE; 2 * self.slots.len()];
+        for v in std::mem::replace(&mut self.slots, larger) {
+            if v.is_some() {
+                let slot = self.slot(v);
+                self.slots[slot] = v;
             }
         }
-        let slot = self.slot(v);
-        self.slots[slot] = (v, place);
-        self.n_used += 1;
     }
 }
