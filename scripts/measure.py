@@ -20,7 +20,7 @@ from scipy.spatial import cKDTree
 
 import meshes
 
-# Points on the faces of each mesh. More change l2 by less than a thousandth.
+# Points on the faces of each mesh. Ten times as many change l2 by less than 0.5 %.
 SAMPLES = 400_000
 # Two sheets lie on each other at an edge folded by more than this, in degrees.
 FOLD = 170.0
