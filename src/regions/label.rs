@@ -10,6 +10,13 @@ use crate::mesh::Vert;
 /// Samples that are not deep inside their region are trusted this much: their normals lean towards the
 /// chamfer, but small regions have no others.
 const SHALLOW_TRUST: f64 = 0.1;
+/// Where a fit leaves more than this residual (in h) ...
+const ERODED_RMS: f64 = 0.002;
+/// ... and at least this many of its samples lie deep inside the region, these are tried alone ...
+const ERODED_MEMBERS: usize = 8;
+/// ... and taken if they leave less than this share of the residual. On marching cubes the samples beside
+/// a crease are off the surface and spoil the fit; curvature and noise raise both residuals alike.
+const ERODED_GAIN: f64 = 0.3;
 /// A fit with a larger residual (in h) is no smooth surface.
 const MAX_RMS: f64 = 0.25;
 /// What a region loses for each h that it is farther away, in h of displacement: of two regions that
@@ -23,9 +30,9 @@ const EXPLAINED: f64 = 0.35;
 const LEFTOVER_RINGS: usize = 3;
 /// ... which takes this many of them ...
 const LEFTOVER_MEMBERS: usize = 4;
-/// ... and has to be this good: residual and displacement in h. At a residual of 0.1 finely sampled meshes
-/// get worse by a quarter.
-const LEFTOVER_RMS: f64 = 0.03;
+/// ... and has to be this good: residual and displacement in h. At a residual of 0.03 coarse meshes lose
+/// a tenth of their gain, at 0.1 finely sampled ones a quarter.
+const LEFTOVER_RMS: f64 = 0.05;
 const LEFTOVER_DISPLACEMENT: f64 = 0.1;
 
 /// On samples that lie on the surface, a label this far (in h) from its vertex is wrong ...
@@ -51,10 +58,21 @@ pub(super) fn explain_by_regions(surface: &Surface) -> VertexFits {
                 normal: normals[member.vertex],
                 trust: if surface.deep[member.vertex] { 1.0 } else { SHALLOW_TRUST },
             };
+            let members = patch.members(cluster);
             samples.clear();
-            samples.extend(patch.members(cluster).iter().map(sample));
-            let fit = fit_samples(surface.mesh.point(v), samples, FitSource::Region);
-            fit.filter(|fit| fit.rms <= MAX_RMS)
+            samples.extend(members.iter().map(sample));
+            let fit = fit_samples(surface.mesh.point(v), samples, FitSource::Region)?;
+            let deep = members.iter().filter(|member| surface.deep[member.vertex]);
+            let n_deep = deep.clone().count();
+            if fit.rms > ERODED_RMS && (ERODED_MEMBERS..members.len()).contains(&n_deep) {
+                samples.clear();
+                samples.extend(deep.map(sample));
+                let eroded = fit_samples(surface.mesh.point(v), samples, FitSource::Region);
+                if let Some(eroded) = eroded.filter(|eroded| eroded.rms < ERODED_GAIN * fit.rms) {
+                    return Some(eroded);
+                }
+            }
+            Some(fit).filter(|fit| fit.rms <= MAX_RMS)
         };
         if surface.interior[v] {
             return patch.clusters().first().and_then(|own| fit(samples, own));
