@@ -21,20 +21,19 @@ mod gates;
 mod label;
 mod patch;
 mod place;
+mod surface;
 
 use glam::DVec3;
 use rayon::prelude::*;
 
-use crate::classify::{Labels, core_faces, flood_over_smooth_edges};
+use crate::classify::Labels;
 use crate::fit::{Fit, FitSource};
 use crate::mesh::{Face, Half, Mesh, PerFace, PerHalf, PerVert, Vert};
 
 pub use gates::{Fate, OffSurface, Strip};
 pub use place::{MAX_SHIFT, place_by_fits};
+use surface::Surface;
 
-/// A smooth region with fewer interior vertices than this is none: on marching-cubes meshes they are
-/// slanted chamfer vertices. Measured: 3 as good as 4; 1 (no minimum), 6 and 10 worse.
-const MIN_REGION: usize = 4;
 /// Fits whose normals differ by this angle, in radians, make a chamfer edge. At 30 degrees rounds get
 /// false edges, at 60 true ones are lost.
 const CHAMFER_ANGLE: f64 = 45.0 * std::f64::consts::PI / 180.0;
@@ -103,6 +102,15 @@ impl VertexFits {
         self.verts.iter().zip(&self.fits).filter_map(|(&v, fit)| Some((v, fit.as_ref()?)))
     }
 
+    /// The fits of tests.
+    #[cfg(test)]
+    fn of(n_verts: usize, fits: impl IntoIterator<Item = (Vert, Fit)>) -> Self {
+        let (verts, fits): (Vec<_>, Vec<_>) = fits.into_iter().unzip();
+        let mut made = Self::none(n_verts, verts);
+        made.fits = fits.into_iter().map(Some).collect();
+        made
+    }
+
     fn set(&mut self, v: Vert, fit: Fit) {
         self.fits[self.slot[v] as usize] = Some(fit);
     }
@@ -122,20 +130,6 @@ impl RegionLabels {
         let is_on = |fit: &Fit| ends.iter().all(|&end| fit.evaluate(end, self.mean_edge).0.abs() < ON_CREASE);
         normal(p).dot(normal(q)) < CHAMFER_ANGLE.cos() && is_on(p) && is_on(q)
     }
-}
-
-/// What all steps read: the mesh, and what steps 1 and 2 say about its vertices.
-struct Surface<'a> {
-    mesh: &'a Mesh,
-    face_normals: &'a PerFace<DVec3>,
-    /// Mean edge length.
-    h: f64,
-    neighbours: Neighbours,
-    interior: PerVert<bool>,
-    deep: PerVert<bool>,
-    red_face: PerFace<bool>,
-    /// The angle of each half-edge's face at the corner that it leaves. `[3F]`
-    angles: PerHalf<f64>,
 }
 
 /// Labels the doubtful vertices of `mesh` with the smooth regions that explain them, and finds the
@@ -180,60 +174,6 @@ pub fn label_by_fits(mesh: &Mesh, face_normals: &PerFace<DVec3>, labels: &Labels
         off_surface,
         moved,
     }
-}
-
-impl<'a> Surface<'a> {
-    fn new(mesh: &'a Mesh, face_normals: &'a PerFace<DVec3>, labels: &Labels) -> Self {
-        let neighbours = Neighbours::of(mesh);
-        let interior = interior_of_large_regions(mesh, &neighbours, &labels.interior_vertex);
-        let is_deep = |v: Vert| interior[v] && neighbours.of_vertex(v).iter().all(|&w| interior[w]);
-        let deep = per_vertex(mesh, is_deep);
-        let core = core_faces(mesh, &interior);
-        let red_face = flood_over_smooth_edges(mesh, &labels.smooth_edge, core);
-        let (h, angles) = (mean_edge_length(mesh), corner_angles(mesh));
-        Self { mesh, face_normals, h, neighbours, interior, deep, red_face, angles }
-    }
-
-    /// Vertices that are not interior, and the interior ones next to them, ascending.
-    fn doubtful(&self) -> Vec<Vert> {
-        let is_doubtful = |v: &Vert| !self.deep[*v] && !self.mesh.leaving(*v).is_empty();
-        self.mesh.verts().filter(is_doubtful).collect()
-    }
-
-    /// Unit normal at `v`: the normals of the faces there that count, each times its angle. Zero where no
-    /// face does.
-    fn normal(&self, v: Vert, counts: impl Fn(Face) -> bool) -> DVec3 {
-        let faces = self.mesh.leaving(v).iter().filter(|h| counts(h.face()));
-        let weighted = |&h: &Half| self.angles[h] * self.face_normals[h.face()];
-        let sum: DVec3 = faces.map(weighted).sum();
-        let length = sum.length();
-        // Unit normals times angles: a sum of rounding errors only has no direction.
-        if length > 1e-12 { sum / length } else { DVec3::ZERO }
-    }
-}
-
-/// Step 1: interior vertices, but for those in components of fewer than [`MIN_REGION`].
-fn interior_of_large_regions(
-    mesh: &Mesh,
-    neighbours: &Neighbours,
-    interior: &PerVert<bool>,
-) -> PerVert<bool> {
-    let is_in_large_region = |v: Vert| {
-        let mut found = [v; MIN_REGION];
-        let mut n_found = 1;
-        let mut next = 0;
-        while next < n_found && n_found < MIN_REGION {
-            for &w in neighbours.of_vertex(found[next]).iter().filter(|&&w| interior[w]) {
-                if n_found < MIN_REGION && !found[..n_found].contains(&w) {
-                    found[n_found] = w;
-                    n_found += 1;
-                }
-            }
-            next += 1;
-        }
-        n_found == MIN_REGION
-    };
-    per_vertex(mesh, |v| interior[v] && is_in_large_region(v))
 }
 
 /// Step 7: edges with two faces whose ends' fits, evaluated at the edge's middle, disagree. Taking both
@@ -281,76 +221,217 @@ fn corner_faces(mesh: &Mesh, chamfer_edge: &PerHalf<bool>, chamfers: &[Half]) ->
     corners
 }
 
-fn per_vertex<T: Send>(mesh: &Mesh, value: impl Fn(Vert) -> T + Send + Sync) -> PerVert<T> {
-    let verts = (0..mesh.n_verts()).into_par_iter().map(Vert::new);
-    verts.map(value).collect::<Vec<_>>().into()
-}
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::classify::{ClassifyOptions, SmoothThreshold, classify};
+    use crate::mesh::tests::mesh;
+    use crate::place::{Outcome, Placement};
+    use glam::dvec3;
 
-/// Faces per unit of parallel work. Sums are formed per chunk and added in order, so that they do not
-/// depend on the number of threads.
-const CHUNK: usize = 4096;
-
-/// Mean length over all edges; 0 without edges.
-fn mean_edge_length(mesh: &Mesh) -> f64 {
-    let chunks: Vec<(f64, usize)> = mesh
-        .faces()
-        .par_chunks(CHUNK)
-        .enumerate()
-        .map(|(i, faces)| {
-            let lowest = 3 * CHUNK * i;
-            let halves = (lowest..lowest + 3 * faces.len()).map(Half::new);
-            let edges = halves.filter(|&h| mesh.edge(h) == h);
-            edges.fold((0.0, 0), |(sum, n), h| (sum + mesh.length(h), n + 1))
-        })
-        .collect();
-    let (sum, n) = chunks.into_iter().fold((0.0, 0), |(s, n), (t, m)| (s + t, n + m));
-    if n == 0 { 0.0 } else { sum / n as f64 }
-}
-
-/// The angle of each face at each of its corners, in radians; what a face without area has does not
-/// matter. `[3F]`
-fn corner_angles(mesh: &Mesh) -> PerHalf<f64> {
-    let angles = |corners: &[Vert; 3]| {
-        let [a, b, c] = corners.map(|v| mesh.point(v));
-        let (ab, bc, ca) = (b - a, c - b, a - c);
-        let twice_area = ab.cross(ca).length();
-        let (at_a, at_b) = (twice_area.atan2(-ab.dot(ca)), twice_area.atan2(-ab.dot(bc)));
-        [at_a, at_b, std::f64::consts::PI - at_a - at_b]
-    };
-    let nested: Vec<[f64; 3]> = mesh.faces().par_iter().map(angles).collect();
-    nested.into_flattened().into()
-}
-
-/// The vertices that share an edge with each vertex, ascending, each once.
-struct Neighbours {
-    starts: Vec<u32>,
-    verts: Vec<Vert>,
-}
-
-impl Neighbours {
-    fn of(mesh: &Mesh) -> Self {
-        let mut starts = Vec::with_capacity(mesh.n_verts() + 1);
-        let mut verts: Vec<Vert> = Vec::with_capacity(mesh.n_halves() + mesh.n_halves() / 16);
-        starts.push(0);
-        let mut round = Vec::new();
-        for v in mesh.verts() {
-            round.clear();
-            for &h in mesh.leaving(v) {
-                round.push(mesh.to(h));
-                if mesh.is_border(h.prev()) {
-                    round.push(mesh.from(h.prev()));
-                }
-            }
-            round.sort_unstable();
-            round.dedup();
-            verts.extend(round.iter().filter(|&&w| w != v));
-            starts.push(verts.len() as u32);
-        }
-        Self { starts, verts }
+    pub(super) fn labels(mesh: &Mesh) -> (PerFace<DVec3>, Labels) {
+        let options = ClassifyOptions { threshold: SmoothThreshold::MeanTimes(2.0), border_is_smooth: true };
+        let normals = mesh.face_normals();
+        let labels = classify(mesh, &normals, &options);
+        (normals, labels)
     }
 
-    #[inline]
-    fn of_vertex(&self, v: Vert) -> &[Vert] {
-        &self.verts[self.starts[v.index()] as usize..self.starts[v.index() + 1] as usize]
+    /// Fits that are planes through their vertices: vertex, normal, how far the vertex is off, source.
+    pub(super) fn planes(mesh: &Mesh, list: &[(usize, DVec3, f64, FitSource)]) -> VertexFits {
+        let fit = |&(v, normal, displacement, source): &(usize, DVec3, f64, FitSource)| {
+            let v = Vert::new(v);
+            let plane = Fit::plane(mesh.point(v), normal, source);
+            let coefficients = [displacement, 0.0, 0.0, 0.0, 0.0, 0.0];
+            (v, Fit { displacement, coefficients, n_members: 10, ..plane })
+        };
+        VertexFits::of(mesh.n_verts(), list.iter().map(fit))
+    }
+
+    fn run(mesh: &Mesh) -> (RegionLabels, Placement) {
+        let (normals, labels) = labels(mesh);
+        let labels = label_by_fits(mesh, &normals, &labels);
+        let placement = place_by_fits(mesh, &labels, MAX_SHIFT);
+        (labels, placement)
+    }
+
+    /// The cube [0, n]³ as a feature-insensitive sampling has it: one sample in the middle of each unit
+    /// square of its sides, a triangle at each corner, and a chamfer strip along each edge.
+    ///
+    /// ```text
+    ///    .---.---.          o  samples
+    ///    | o-|-o-|.         Faces of the mesh stand for the lattice points: a quadrilateral, cut in
+    ///    .-|-.-|-. `o       two, where four squares meet, a triangle at the corners of the cube.
+    ///    | o-|-o-|--|.
+    ///    .---.---.  o
+    /// ```
+    pub(super) fn cut_cube(n: usize) -> Mesh {
+        let n = n as i64;
+        let mut points: Vec<[f64; 3]> = Vec::new();
+        let mut round: std::collections::BTreeMap<[i64; 3], Vec<usize>> = Default::default();
+        for side in 0..6 {
+            let (axis, u, v) = (side % 3, (side + 1) % 3, (side + 2) % 3);
+            let level = if side < 3 { 0 } else { n };
+            for (i, j) in (0..n).flat_map(|i| (0..n).map(move |j| (i, j))) {
+                let mut sample = [level as f64; 3];
+                (sample[u], sample[v]) = (i as f64 + 0.5, j as f64 + 0.5);
+                for (di, dj) in [(0, 0), (1, 0), (0, 1), (1, 1)] {
+                    let mut corner = [level; 3];
+                    (corner[u], corner[v]) = (i + di, j + dj);
+                    round.entry(corner).or_default().push(points.len());
+                }
+                assert!(axis != u && axis != v);
+                points.push(sample);
+            }
+        }
+        let centre = DVec3::splat(n as f64 / 2.0);
+        let mut faces = Vec::new();
+        for (corner, mut samples) in round {
+            let corner = DVec3::from(corner.map(|c| c as f64));
+            let outward = (corner - centre).normalize();
+            let across = outward.any_orthonormal_vector();
+            let turn = |&s: &usize| {
+                let offset = DVec3::from(points[s]) - corner;
+                offset.dot(outward.cross(across)).atan2(offset.dot(across))
+            };
+            samples.sort_by(|a, b| turn(a).total_cmp(&turn(b)));
+            faces.extend((2..samples.len()).map(|i| [samples[0], samples[i - 1], samples[i]]));
+        }
+        mesh(&points, &faces)
+    }
+
+    /// How many coordinates of `p` are those of the cube's sides: 1 on a side, 2 on an edge, 3 in a corner.
+    fn n_sides(p: DVec3, n: usize) -> usize {
+        let is_side = |c: &f64| c.abs() < 1e-9 || (c - n as f64).abs() < 1e-9;
+        p.to_array().iter().filter(|c| is_side(c)).count()
+    }
+
+    #[test]
+    fn the_edges_and_corners_of_a_sampled_cube_come_back() {
+        let n = 8;
+        let m = cut_cube(n);
+        let (labels, placement) = run(&m);
+        // Each chamfer has n rungs and n - 1 diagonals; each corner triangle adds none of its own.
+        assert_eq!(placement.inserts.points.len(), 12 * (2 * n - 1) + 8);
+        assert_eq!(labels.corner_faces.len(), 8);
+        assert!(placement.outcomes.iter().all(|&outcome| outcome == Outcome::Moved));
+        let (on_edges, in_corners) = placement.inserts.points.split_at(12 * (2 * n - 1));
+        assert!(on_edges.iter().all(|&p| n_sides(p, n) == 2));
+        assert!(in_corners.iter().all(|&p| n_sides(p, n) == 3));
+        assert_eq!(placement.inserts.moved, []);
+        // Twelve strips that meet in the corner triangles: one component.
+        assert_eq!(labels.strips.len(), 1);
+        assert_eq!((labels.strips[0].n_edges, labels.strips[0].fate), (12 * (2 * n - 1), Fate::Kept));
+    }
+
+    #[test]
+    fn samples_off_the_surface_are_moved_back_onto_it() {
+        // Marching cubes puts the samples beside an edge inside it: here by 0.1 on every other rung.
+        let n = 8;
+        let (mut points, faces) = cut_cube(n).into_parts();
+        let beside = |c: f64| c == 0.5 || c == n as f64 - 0.5;
+        for (i, p) in points.iter_mut().enumerate().filter(|(i, _)| i % 2 == 0) {
+            if p.to_array().iter().any(|&c| beside(c)) {
+                let inward =
+                    DVec3::from(p.to_array().map(|c| f64::from(c == 0.0) - f64::from(c == n as f64)));
+                *p += 0.1 * inward;
+                assert!(inward.length() == 1.0, "sample {i} lies on one side");
+            }
+        }
+        let m = Mesh::new(points, faces).unwrap();
+        let (labels, placement) = run(&m);
+        assert!(labels.off_surface.is_certain(), "{:?}", labels.off_surface);
+        assert_eq!(placement.inserts.moved, labels.moved);
+        // Half of the samples in the outermost rows of the six sides.
+        assert_eq!(labels.moved.len(), 6 * (8 * 8 - 6 * 6) / 2);
+        let distance =
+            |p: DVec3| p.to_array().into_iter().map(|c| c.abs().min((c - 8.0).abs())).fold(1.0, f64::min);
+        for &(v, p) in &labels.moved {
+            assert!(!labels.deep_vertex[v] && distance(m.point(v)) > 0.09, "{v:?} was on the surface");
+            assert!(distance(p) < 0.02, "{v:?} is still {} off", distance(p));
+        }
+    }
+
+    #[test]
+    fn a_sphere_has_no_chamfer() {
+        let (mut points, faces) = cut_cube(10).into_parts();
+        for (i, p) in points.iter_mut().enumerate() {
+            // Uneven samples, so that some of them are doubtful.
+            let aside = 0.3 * dvec3((i as f64).sin(), (2.0 * i as f64).sin(), (3.0 * i as f64).sin());
+            *p = (*p + aside - DVec3::splat(5.0)).normalize();
+        }
+        let m = Mesh::new(points, faces).unwrap();
+        let (labels, placement) = run(&m);
+        assert!(labels.fits.iter().count() > 0, "nothing was doubtful");
+        assert!(labels.candidates.is_empty() && placement.inserts.is_empty());
+    }
+
+    #[test]
+    fn an_open_sheet_keeps_its_border() {
+        // Half of a cube: the strips end in borders, and no border edge is a chamfer.
+        let (points, mut faces) = cut_cube(8).into_parts();
+        faces.retain(|f| f.iter().all(|&v| points[v.index()].z < 4.0));
+        let m = Mesh::new(points, faces).unwrap();
+        let (labels, placement) = run(&m);
+        assert_eq!(labels.corner_faces.len(), 4);
+        assert!(m.halves().all(|h| !(labels.chamfer_edge[h] && m.is_border(h))));
+        assert!(placement.inserts.points.iter().all(|&p| n_sides(p, 8) >= 2));
+    }
+
+    #[test]
+    fn the_number_of_threads_changes_no_bit() {
+        let (mut points, faces) = cut_cube(9).into_parts();
+        for (i, p) in points.iter_mut().enumerate() {
+            *p += 0.02 * dvec3((i as f64).sin(), (2.0 * i as f64).sin(), (3.0 * i as f64).sin());
+        }
+        let m = Mesh::new(points, faces).unwrap();
+        let on = |threads: usize| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            let (labels, placement) = pool.install(|| run(&m));
+            format!("{labels:?} {placement:?}")
+        };
+        assert!(on(1) == on(3));
+    }
+
+    #[test]
+    fn empty_collapsed_and_tiny_meshes_have_no_chamfer() {
+        let collapsed = mesh(&[[1.0; 3]; 4], &[[0, 1, 2], [0, 2, 3]]);
+        let one = mesh(&[[0.; 3], [1., 0., 0.], [0., 1., 0.], [5.; 3]], &[[0, 1, 2]]);
+        for m in [mesh(&[], &[]), collapsed, one] {
+            let (labels, placement) = run(&m);
+            assert!(labels.candidates.is_empty() && placement.inserts.is_empty());
+        }
+    }
+
+    // 3---2    The fits of 0 and 2 disagree by 90 degrees; 0 and 2 may be interior or not.
+    // | / |
+    // 0---1
+    #[test]
+    fn an_edge_whose_fits_disagree_is_a_chamfer_unless_both_ends_are_interior() {
+        let m = mesh(&[[0., 0., 0.], [1., 0., 0.], [1., 1., 0.], [0., 1., 0.]], &[[0, 1, 2], [0, 2, 3]]);
+        let (normals, labels) = labels(&m);
+        let mut surface = Surface::new(&m, &normals, &labels);
+        surface.red_face = PerFace::filled(2, true);
+        let v = Vert::new;
+        let plane = |v, normal, source| (v, Fit::plane(m.point(v), normal, source));
+        let ends = |source| {
+            VertexFits::of(4, [plane(v(0), DVec3::X, source), plane(v(2), DVec3::Z, FitSource::Region)])
+        };
+        let mut chamfers = |interior: [bool; 4], fits: &VertexFits| {
+            surface.interior = interior.to_vec().into();
+            chamfer_edges(&surface, fits)
+        };
+        let diagonal = [Half::new(2)];
+        assert_eq!(chamfers([true, false, false, false], &ends(FitSource::Region)), diagonal);
+        assert_eq!(chamfers([true, false, true, false], &ends(FitSource::Region)), []);
+        // The papers' plane comes with the papers' rule; both faces are red.
+        assert_eq!(chamfers([true, false, false, false], &ends(FitSource::Paper)), []);
+        // 40 degrees are not enough.
+        let tilted = |angle: f64| dvec3(angle.to_radians().sin(), 0.0, angle.to_radians().cos());
+        let tilted = |angle| {
+            let region = FitSource::Region;
+            VertexFits::of(4, [plane(v(0), tilted(angle), region), plane(v(2), DVec3::Z, region)])
+        };
+        assert_eq!(chamfers([false; 4], &tilted(44.0)), []);
+        assert_eq!(chamfers([false; 4], &tilted(46.0)), diagonal);
     }
 }

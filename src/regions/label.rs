@@ -2,8 +2,9 @@
 
 use rayon::prelude::*;
 
+use super::VertexFits;
 use super::patch::{Cluster, Member, Patch};
-use super::{Surface, VertexFits};
+use super::surface::{Surface, per_vertex};
 use crate::fit::{Fit, FitSource, Sample, fit_samples};
 use crate::mesh::Vert;
 
@@ -48,7 +49,7 @@ const ADOPTED_COSINE: f64 = 0.77;
 /// Steps 3 to 5: gives each doubtful vertex the fit of the smooth region that explains it best.
 pub(super) fn explain_by_regions(surface: &Surface) -> VertexFits {
     let mut fits = VertexFits::none(surface.mesh.n_verts(), surface.doubtful());
-    let normals = super::per_vertex(surface.mesh, |v| surface.normal(v, |_| true));
+    let normals = per_vertex(surface.mesh, |v| surface.normal(v, |_| true));
     let per_h = surface.h.recip();
     let explain = |(patch, samples): &mut (Patch, Vec<Sample>), &v: &Vert| {
         patch.search(surface, v);
@@ -183,5 +184,131 @@ fn explain_the_rest(
         if let Some(fit) = fit {
             fits.set(v, fit);
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::tests::mesh;
+    use crate::mesh::{Mesh, PerFace, PerVert};
+    use crate::regions::tests::{cut_cube, labels, planes};
+    use FitSource::{Adopted, Leftover, Paper, Region};
+    use approx::assert_relative_eq;
+    use glam::{DVec3, dvec3};
+
+    /// A surface that says nothing about its vertices: none is interior, no face red.
+    fn surface<'a>(mesh: &'a Mesh, normals: &'a PerFace<DVec3>) -> Surface<'a> {
+        let mut surface = Surface::new(mesh, normals, &labels(mesh).1);
+        surface.h = 1.0;
+        surface.interior = PerVert::filled(mesh.n_verts(), false);
+        surface.deep = surface.interior.clone();
+        surface.red_face = PerFace::filled(mesh.n_faces(), false);
+        surface
+    }
+
+    #[test]
+    fn vertices_beside_an_edge_take_the_side_they_lie_on() {
+        let m = cut_cube(6);
+        let normals = m.face_normals();
+        let fits = explain_by_regions(&Surface::new(&m, &normals, &labels(&m).1));
+        assert!(fits.iter().count() > 100);
+        for (v, fit) in fits.iter() {
+            let p = m.point(v);
+            let outward = DVec3::from(p.to_array().map(|c| f64::from(c == 6.0) - f64::from(c == 0.0)));
+            assert!(fit.normal.distance(outward) < 1e-9, "{v:?} at {p}: {}", fit.normal);
+            assert!(fit.displacement.abs() < 1e-9 && fit.source == Region);
+        }
+    }
+
+    // 1---3---5---7
+    // | / | / | / |      all in the plane z = 0
+    // 0---2---4---6
+    fn strip() -> Mesh {
+        let points: Vec<_> = (0..8).map(|i| [f64::from(i / 2), f64::from(i % 2), 0.0]).collect();
+        mesh(&points, &[[0, 2, 3], [0, 3, 1], [2, 4, 5], [2, 5, 3], [4, 6, 7], [4, 7, 5]])
+    }
+
+    #[test]
+    fn what_no_region_explains_keeps_the_plane_of_its_red_faces() {
+        let m = strip();
+        let normals = m.face_normals();
+        let mut surface = surface(&m, &normals);
+        surface.red_face[crate::mesh::Face::new(0)] = true;
+        surface.interior[Vert::new(0)] = true;
+        let mut fits = planes(&m, &[(3, DVec3::X, 0.0, Region)]);
+        // Room for all, as `doubtful` gives it.
+        let mut all = VertexFits::none(8, m.verts().collect());
+        all.set(Vert::new(3), fits.fits[0].take().unwrap());
+        explain_by_red_faces(&surface, &mut all);
+        let found: Vec<_> = all.iter().map(|(v, fit)| (v.index(), fit.normal, fit.source)).collect();
+        assert_eq!(found, [(2, DVec3::Z, Paper), (3, DVec3::X, Region)], "0 is interior, 3 has a fit");
+    }
+
+    #[test]
+    fn leftovers_fit_each_other_if_they_are_enough_and_smooth() {
+        let m = strip();
+        let normals = m.face_normals();
+        let mut fits = VertexFits::none(8, m.verts().collect());
+        explain_by_leftovers(&surface(&m, &normals), &mut fits);
+        assert!(fits.iter().count() == 8 && fits.iter().all(|(_, fit)| fit.source == Leftover));
+        assert!(fits.iter().all(|(_, fit)| fit.normal.distance(DVec3::Z) < 1e-9 && fit.rms < 1e-7));
+        // Three of them are not enough, also where others with a region's fit are next to them.
+        let mut fits = VertexFits::none(8, m.verts().collect());
+        for v in 3..8 {
+            fits.set(Vert::new(v), Fit::plane(DVec3::ZERO, DVec3::Z, Region));
+        }
+        explain_by_leftovers(&surface(&m, &normals), &mut fits);
+        assert_eq!(fits.iter().filter(|(_, fit)| fit.source == Leftover).count(), 0);
+        // A strip folded by 90 degrees is not smooth.
+        let (mut points, faces) = strip().into_parts();
+        points[4..].iter_mut().for_each(|p| *p = dvec3(1.0, p.y, 1.0 - p.x));
+        let folded = Mesh::new(points, faces).unwrap();
+        let normals = folded.face_normals();
+        let mut fits = VertexFits::none(8, folded.verts().collect());
+        explain_by_leftovers(&surface(&folded, &normals), &mut fits);
+        assert_eq!(fits.iter().count(), 0);
+    }
+
+    #[test]
+    fn far_labels_and_guesses_are_taken_back() {
+        let m = strip();
+        let normals = m.face_normals();
+        let mut surface = surface(&m, &normals);
+        surface.interior[Vert::new(4)] = true;
+        let list =
+            [(0, 0.14, Region), (1, 0.16, Region), (2, 0.0, Leftover), (3, 0.0, Paper), (4, 0.3, Region)];
+        let list = list.map(|(v, d, source)| (v, DVec3::Z, d, source));
+        let left = |noise| {
+            let mut fits = planes(&m, &list);
+            take_back_far_labels(&surface, &mut fits, noise);
+            fits.iter().map(|(v, _)| v.index()).collect::<Vec<_>>()
+        };
+        assert_eq!(left(0.0), [0, 4], "an interior vertex keeps its own region");
+        assert_eq!(left(0.04), [0, 1, 4], "five times the noise is 0.2");
+    }
+
+    #[test]
+    fn a_vertex_adopts_the_fit_of_the_neighbour_on_which_it_lies_best() {
+        // Vertex 5 is next to 2, 3, 4 and 7; the planes of 2, 3 and 4 pass 0.04, 0.02 and 0 from it.
+        let m = strip();
+        let normals = m.face_normals();
+        let surface = surface(&m, &normals);
+        let adopted = |list: &[(usize, DVec3, f64, FitSource)]| {
+            let mut fits = VertexFits::none(8, m.verts().collect());
+            for (v, fit) in planes(&m, list).iter() {
+                fits.set(v, fit.clone());
+            }
+            adopt_from_neighbours(&surface, &mut fits);
+            fits.get(Vert::new(5)).cloned()
+        };
+        let steep = dvec3(1.0, 0.0, 0.0);
+        let list = [(2, DVec3::Z, 0.04, Region), (3, DVec3::Z, -0.02, Region), (4, DVec3::Z, 0.0, Paper)];
+        let fit = adopted(&list).unwrap();
+        assert_eq!((fit.source, fit.displacement, fit.normal), (Adopted, 0.0, DVec3::Z));
+        assert_relative_eq!(fit.evaluate(m.point(Vert::new(5)), 1.0).0, 0.02, epsilon = 1e-12);
+        // Too far off; or no face that follows the fit.
+        assert!(adopted(&[(3, DVec3::Z, 0.11, Region)]).is_none());
+        assert!(adopted(&[(7, steep, -1.0, Region)]).is_none());
     }
 }

@@ -198,3 +198,82 @@ impl VertexSet {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::tests::mesh;
+    use crate::mesh::{Mesh, PerFace};
+    use crate::regions::tests::labels;
+
+    /// A strip of squares along x, one h apart, and the interior flags of its columns.
+    ///
+    /// ```text
+    ///   1---3---5---7---9-
+    ///   | / | / | / | / |      column c: vertices 2c and 2c + 1
+    ///   0---2---4---6---8-
+    /// ```
+    fn clusters(mesh: &Mesh, interior: &[usize], centre: usize) -> Vec<(f64, Vec<usize>)> {
+        let (normals, labels) = labels(mesh);
+        let mut surface = Surface::new(mesh, &normals, &labels);
+        surface.h = 1.0;
+        for v in mesh.verts() {
+            surface.interior[v] = interior.contains(&(v.index() / 2));
+        }
+        let mut patch = Patch::default();
+        patch.search(&surface, Vert::new(0));
+        patch.search(&surface, Vert::new(centre));
+        let members = |cluster: &Cluster| {
+            let offset = |m: &Member| mesh.point(m.vertex) - mesh.point(Vert::new(centre)) == m.offset;
+            assert!(patch.members(cluster).iter().all(offset));
+            let mut verts: Vec<_> = patch.members(cluster).iter().map(|m| m.vertex.index()).collect();
+            verts.sort_unstable();
+            verts
+        };
+        patch.clusters().iter().map(|cluster| (cluster.distance(), members(cluster))).collect()
+    }
+
+    fn strip(columns: usize) -> Mesh {
+        let points: Vec<_> = (0..2 * columns).map(|i| [(i / 2) as f64, (i % 2) as f64, 0.0]).collect();
+        let square = |c: usize| [[2 * c, 2 * c + 2, 2 * c + 3], [2 * c, 2 * c + 3, 2 * c + 1]];
+        mesh(&points, &(0..columns - 1).flat_map(square).collect::<Vec<_>>())
+    }
+
+    #[test]
+    fn two_regions_are_found_apart_and_the_nearer_one_first() {
+        // From vertex 8 in column 4: columns 0 to 2 are 2 h away, columns 5 on 1 h. Within a region the
+        // patch goes on to 4.5 h: to column 0, and to column 8 on the right.
+        let found = clusters(&strip(12), &[0, 1, 2, 5, 6, 7, 8, 9, 10, 11], 8);
+        let right = (10..=17).collect::<Vec<_>>();
+        assert_eq!(found, [(1.0, right), (2.0, vec![0, 1, 2, 3, 4, 5])]);
+    }
+
+    #[test]
+    fn a_region_beyond_reach_is_none() {
+        assert_eq!(clusters(&strip(12), &[8, 9, 10, 11], 8), []);
+        // Column 7 is 3 h away and in; from there the region is entered up to 4.5 h.
+        assert_eq!(clusters(&strip(12), &[7, 8, 9, 10, 11], 8), [(3.0, vec![14, 15, 16, 17])]);
+    }
+
+    #[test]
+    fn an_interior_vertex_finds_its_own_region_only() {
+        assert_eq!(clusters(&strip(12), &[0, 1, 2, 4, 5], 8), [(0.0, vec![8, 9, 10, 11])]);
+    }
+
+    #[test]
+    fn a_patch_of_coincident_vertices_is_bounded() {
+        // All points within reach of each other.
+        let n = 2 * MAX_MEMBERS;
+        let (mut points, faces) = strip(n).into_parts();
+        points.iter_mut().for_each(|p| p.x *= 1e-6);
+        let m = Mesh::new(points, faces).unwrap();
+        let normals: PerFace<DVec3> = m.face_normals();
+        let (_, labels) = labels(&m);
+        let mut surface = Surface::new(&m, &normals, &labels);
+        (surface.h, surface.interior[Vert::new(n)]) = (1.0, false);
+        let mut patch = Patch::default();
+        patch.search(&surface, Vert::new(n));
+        assert_eq!(patch.members.len() + patch.doubtful.len(), MAX_MEMBERS);
+        assert_eq!(patch.known.n_used, MAX_MEMBERS);
+    }
+}

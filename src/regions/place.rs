@@ -159,3 +159,130 @@ impl Placing<'_> {
         if point.distance(centre) <= limit { (point, Outcome::Moved) } else { (centre, Outcome::TooFar) }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::tests::mesh;
+    use crate::mesh::{PerHalf, PerVert};
+    use crate::regions::tests::planes;
+    use FitSource::{Adopted, Region};
+    use glam::dvec3;
+
+    // 3---2    The chamfer edge 0-2, from (0, 0, 0) to (1, 1, 0).
+    // | / |
+    // 0---1
+    fn square() -> Mesh {
+        mesh(&[[0., 0., 0.], [1., 0., 0.], [1., 1., 0.], [0., 1., 0.]], &[[0, 1, 2], [0, 2, 3]])
+    }
+
+    fn place_diagonal(
+        m: &Mesh,
+        [n, q]: [DVec3; 2],
+        source: FitSource,
+        edit: impl Fn(&mut RegionLabels),
+    ) -> (DVec3, Outcome) {
+        let fits = planes(m, &[(0, n.normalize(), 0.0, Region), (2, q.normalize(), 0.0, source)]);
+        let chamfer_edge: PerHalf<bool> =
+            m.halves().map(|h| [2, 3].contains(&h.index())).collect::<Vec<_>>().into();
+        let mut labels = RegionLabels { mean_edge: 1.0, fits, chamfer_edge, ..RegionLabels::default() };
+        edit(&mut labels);
+        let placement = place_by_fits(m, &labels, MAX_SHIFT);
+        (placement.inserts.points[0], placement.outcomes[0])
+    }
+
+    #[test]
+    fn a_vertex_goes_where_the_planes_of_its_ends_meet() {
+        let m = square();
+        let middle = dvec3(0.5, 0.5, 0.0);
+        let place = |normals, source| place_diagonal(&m, normals, source, |_| {});
+        // Planes that rise at 45 degrees from both ends meet as high as half the edge is long.
+        let steep = |slope: f64| [dvec3(-slope, -slope, 1.0), dvec3(slope, slope, 1.0)];
+        let (point, outcome) = place(steep(1.0), Region);
+        assert_eq!(outcome, Outcome::Moved);
+        assert!(point.distance(dvec3(0.5, 0.5, 1.0)) < 1e-12, "{point}");
+        // At 2.5 times the slope it is 2.5 high and 1.77 edges from the middle.
+        assert_eq!(place(steep(2.5), Region), (middle, Outcome::TooFar));
+        assert_eq!(place(steep(1.5), Region).1, Outcome::Moved);
+        // A guess may go half as far.
+        assert_eq!(place(steep(1.5), Adopted), (middle, Outcome::TooFar));
+        // Rising at one end and falling at the other towards it.
+        assert_eq!(place([dvec3(-1., -1., 1.), dvec3(-1., -1., -1.)], Region), (middle, Outcome::Mixed));
+        // Nine degrees apart are parallel, and so is antiparallel.
+        assert_eq!(place([DVec3::Z, dvec3(0.07, 0.07, 1.0)], Region), (middle, Outcome::Parallel));
+        assert_eq!(place([DVec3::Z, -DVec3::Z], Region), (middle, Outcome::Parallel));
+    }
+
+    #[test]
+    fn moved_samples_count_where_they_are_now() {
+        // Vertex 2 moves up; its plane was made 1 h above where it was.
+        let m = square();
+        let up = dvec3(1.0, 1.0, 1.0);
+        let (point, outcome) = place_diagonal(&m, [-DVec3::Z, DVec3::X], Region, |labels| {
+            labels.moved = vec![(Vert::new(2), up)];
+        });
+        // The middle is now (.5, .5, .5); planes z = 0 and x = 1.
+        assert_eq!(outcome, Outcome::Moved);
+        assert!(point.distance(dvec3(1.0, 0.5, 0.0)) < 1e-12, "{point}");
+    }
+
+    #[test]
+    fn an_end_without_a_fit_leaves_the_vertex_in_the_middle() {
+        let m = square();
+        let found = place_diagonal(&m, [DVec3::Z, DVec3::X], Region, |labels| {
+            labels.fits = planes(&m, &[(0, DVec3::Z, 0.0, Region)]);
+        });
+        assert_eq!(found, (dvec3(0.5, 0.5, 0.0), Outcome::NoNormal));
+    }
+
+    // 2            Corner triangles 0-1-2 and 1-3-2 with four regions: the planes of all four vertices
+    // | `.         meet in (1, 1, 1), those of 0, 1 and 2 as well.
+    // 0---1
+    #[test]
+    fn a_corner_goes_where_three_or_four_fits_meet() {
+        let m = mesh(&[[0., 1., 1.], [1., 0., 1.], [1., 1., 0.], [1.5, 0.5, 0.5]], &[[0, 1, 2], [1, 3, 2]]);
+        let normals = [DVec3::X, DVec3::Y, DVec3::Z, dvec3(1., 1., 1.)];
+        // Each plane passes through (1, 1, 1): as far off its vertex as that is.
+        let plane = |v: usize| {
+            let normal = normals[v].normalize();
+            (v, normal, normal.dot(DVec3::ONE - m.point(Vert::new(v))), Region)
+        };
+        let place = |moved, corner_faces: &[usize], planes_of: &[usize]| {
+            let list: Vec<_> = planes_of.iter().map(|&v| plane(v)).collect();
+            let labels = RegionLabels {
+                mean_edge: 1.0,
+                fits: planes(&m, &list),
+                chamfer_edge: PerHalf::filled(6, true),
+                corner_faces: corner_faces.iter().map(|&f| Face::new(f)).collect(),
+                moved,
+                ..RegionLabels::default()
+            };
+            let placement = place_by_fits(&m, &labels, MAX_SHIFT);
+            (placement.inserts.points[5], placement.outcomes[5])
+        };
+        for faces in [&[0][..], &[0, 1]] {
+            let (point, outcome) = place(vec![], faces, &[0, 1, 2, 3]);
+            assert_eq!(outcome, Outcome::Moved);
+            assert!(point.distance(DVec3::ONE) < 1e-12, "{point}");
+        }
+        let far = vec![(Vert::new(0), DVec3::splat(-20.0))];
+        assert_eq!(place(far, &[0], &[0, 1, 2]).1, Outcome::Moved, "the edges are as long as it is far");
+    }
+
+    #[test]
+    fn samples_near_a_chamfer_move_if_they_are_off_and_not_deep() {
+        let m = square();
+        let (normals, labels) = crate::regions::tests::labels(&m);
+        let mut surface = Surface::new(&m, &normals, &labels);
+        surface.h = 2.0;
+        surface.deep = PerVert::filled(4, false);
+        surface.deep[Vert::new(3)] = true;
+        let list = [(0, DVec3::Z, 0.1, Region), (1, DVec3::Z, 0.1, Adopted), (2, DVec3::Z, 0.002, Region)];
+        let mut list = list.to_vec();
+        list.push((3, DVec3::Z, 0.1, Region));
+        let fits = planes(&m, &list);
+        let moved = moves(&surface, &fits, &[Half::new(2)]);
+        // Vertex 1 carries a guess, 2 is hardly off, 3 is deep.
+        assert_eq!(moved, [(Vert::new(0), dvec3(0.0, 0.0, 0.2))]);
+    }
+}
