@@ -100,9 +100,15 @@ pub fn run(arguments: &Arguments) -> Result<()> {
 }
 
 fn sharpen_file(arguments: &Arguments) -> Result<()> {
-    let model = io::read(&arguments.input)?;
+    let mut model = io::read(&arguments.input)?;
     let mesh = Mesh::new(model.points, model.faces).with_context(|| arguments.input.display().to_string())?;
     let sharpened = sharpen::sharpen(&mesh, &arguments.options())?;
+    for lineage in &sharpened.lineage {
+        let sharp = sharpened.tags.sharp_edges();
+        let (carried, notices) = model.attributes.carry(lineage, &mesh, &sharpened.mesh, sharp);
+        model.attributes = carried;
+        model.notices.extend(notices);
+    }
     let painted = sharpened.labels.as_ref().map(|labels| paint::paint(&mesh, labels));
     let report = serde_json::to_string_pretty(&sharpened.report)? + "\n";
     drop(mesh);

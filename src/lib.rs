@@ -45,6 +45,7 @@ pub mod regions;
 pub mod report;
 pub mod tags;
 pub mod untangle;
+pub mod weld;
 
 pub use mesh::{Mesh, MeshError};
 pub use options::{Method, Options};

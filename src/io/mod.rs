@@ -8,9 +8,13 @@
 //! No sequence of bytes makes a reader panic, and none makes it allocate more than a small multiple of
 //! the file's size.
 
+mod faces;
+mod format;
 mod obj;
 mod text;
 mod triangulate;
+
+pub use format::Format;
 
 use std::fs;
 use std::io::Write;
@@ -84,6 +88,14 @@ pub fn write<'a>(path: &Path, view: impl Into<View<'a>>) -> Result<(), Error> {
 #[must_use]
 pub fn format<'a>(view: impl Into<View<'a>>) -> Vec<u8> {
     obj::format(view.into())
+}
+
+/// What a file of this format cannot hold of a mesh, one line each.
+#[must_use]
+pub fn losses<'a>(view: impl Into<View<'a>>, format: Format) -> Vec<String> {
+    match format {
+        Format::Obj => obj::losses(view.into()),
+    }
 }
 
 /// Gives the file `path` the content `bytes` in one step, as [`write`] does.

@@ -176,6 +176,18 @@ impl<'a> Cursor<'a> {
     }
 }
 
+/// Appends the shortest decimal that reads back as `number`; a whole one without ".0".
+pub(super) fn push_number(out: &mut Vec<u8>, number: f64) {
+    let mut buffer = zmij::Buffer::new();
+    let text = buffer.format(number);
+    out.extend_from_slice(text.strip_suffix(".0").unwrap_or(text).as_bytes());
+}
+
+/// Appends a whole number.
+pub(super) fn push_whole(out: &mut Vec<u8>, number: usize) {
+    out.extend_from_slice(itoa::Buffer::new().format(number).as_bytes());
+}
+
 /// Whether `word` would be a number if its commas were points.
 fn is_with_comma(word: &[u8]) -> bool {
     let with_points: Vec<u8> = word.iter().map(|&b| if b == b',' { b'.' } else { b }).collect();
