@@ -163,7 +163,7 @@ fn details(report: &Report) -> String {
         let left = untangled.left;
         lines.push(format!("{bad} bad faces: {collapsed} edges collapsed, {flipped} flipped; {left} left"));
     }
-    let defects = report.input.defects;
+    let defects = report.left_alone.defects;
     for (count, what) in [
         (defects.non_manifold_edges, "non-manifold edges"),
         (defects.misoriented_edges, "edges where faces disagree on the orientation"),

@@ -53,7 +53,7 @@ pub use report::Report;
 
 use classify::Labels;
 use refine::{Lineage, refine};
-use report::{Found, Seconds, Size};
+use report::{Found, LeftAlone, Seconds, Size};
 use tags::Tags;
 
 /// What [`sharpen`] gives back.
@@ -93,6 +93,7 @@ pub fn sharpen(mesh: &Mesh, options: &Options) -> Result<Sharpened, MeshError> {
     let mut report = Report {
         method: options.method,
         input: Size::of(mesh),
+        left_alone: LeftAlone::of(mesh),
         found: Found::of(mesh, &chamfers.labels),
         changed: !inserts.is_empty(),
         moved_vertices: inserts.moved.len(),

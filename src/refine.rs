@@ -18,9 +18,7 @@
 
 use glam::DVec3;
 
-use crate::mesh::{
-    EdgeDefects, Face, Half, Mesh, MeshError, PerFace, PerHalf, Vert, check_size, has_repeated_vertex,
-};
+use crate::mesh::{Face, Half, Mesh, MeshError, PerFace, PerHalf, Vert, check_size, has_repeated_vertex};
 
 /// New vertices for a mesh, as data: who makes them (sharpening, bending) does not matter here.
 ///
@@ -271,6 +269,12 @@ pub fn refine(mesh: &Mesh, inserts: &Inserts) -> Result<Refined, MeshError> {
     let mut places = Vec::with_capacity(3 * n_faces);
     let mut creases = Vec::new();
     for f in mesh.face_ids() {
+        if f.halves().into_iter().all(|h| !inserts.on_edge[h].is_some()) {
+            faces.push(mesh.corners(f));
+            parents.push(f);
+            places.extend([Place::Corner(0), Place::Corner(1), Place::Corner(2)]);
+            continue;
+        }
         let children = split_face(mesh, inserts, f, middle);
         for child in children.iter() {
             faces.push(child.map(|(vertex, _)| vertex));
@@ -285,87 +289,9 @@ pub fn refine(mesh: &Mesh, inserts: &Inserts) -> Result<Refined, MeshError> {
     }
     points.extend_from_slice(&inserts.points);
     let lineage = Lineage { parents: parents.into(), corners: places.into(), foreign: Vec::new() };
-    let mesh = match inherited_twins(mesh, inserts, &lineage, &faces) {
-        Some(twins) => Mesh::with_twins(points, faces, twins)?,
-        None => Mesh::new(points, faces)?,
-    };
+    let mesh = Mesh::new(points, faces)?;
     debug_assert_eq!(mesh.check(), Ok(()));
     Ok(Refined { mesh, lineage, creases, middles })
-}
-
-/// The twins of the children, from the twins of their parents: what pairing anew would find, without
-/// sorting. None where it might find something else, because two faces share all their vertices or edges
-/// are not all manifold.
-fn inherited_twins(
-    mesh: &Mesh,
-    inserts: &Inserts,
-    lineage: &Lineage,
-    faces: &[[Vert; 3]],
-) -> Option<PerHalf<Half>> {
-    let is_split = |h: Half| inserts.on_edge[h].is_some();
-    let is_pillow = |h: Half| mesh.twin(h).is_some_and(|t| mesh.opposite(h) == mesh.opposite(t));
-    if mesh.defects() != EdgeDefects::default() || mesh.edges().any(|h| is_split(h) && is_pillow(h)) {
-        return None;
-    }
-    // The child half-edge that starts where the parent's does, and, on a split edge, the one that ends
-    // where it does (by inserted vertex, the lower twin's first).
-    let mut first = PerHalf::filled(mesh.n_halves(), Half::NONE);
-    let mut last = vec![[Half::NONE; 2]; inserts.points.len()];
-    let is_upper = |h: Half| usize::from(mesh.edge(h) != h);
-    let slot = |h: Half| inserts.on_edge[h].index() - mesh.n_verts();
-    let mut twins = PerHalf::filled(3 * faces.len(), Half::NONE);
-    let mut inner: Vec<Half> = Vec::new();
-    let mut next = 0;
-    while next < faces.len() {
-        let parent = lineage.parents[Face::new(next)];
-        while next < faces.len() && lineage.parents[Face::new(next)] == parent {
-            for child in Face::new(next).halves() {
-                match (lineage.corners[child], lineage.corners[child.next()]) {
-                    (Place::Corner(i), Place::Corner(j)) if j == (i + 1) % 3 => {
-                        first[parent.half(i.into())] = child;
-                    }
-                    (Place::Corner(i), Place::Mid(j)) if i == j => first[parent.half(i.into())] = child,
-                    (Place::Mid(i), Place::Corner(j)) if j == (i + 1) % 3 => {
-                        let half = parent.half(i.into());
-                        last[slot(half)][is_upper(half)] = child;
-                    }
-                    _ => inner.push(child),
-                }
-            }
-            next += 1;
-        }
-        pair_inner(&inner, faces, &mut twins);
-        inner.clear();
-    }
-    for h in mesh.edges() {
-        let Some(twin) = mesh.twin(h) else { continue };
-        let pairs = if is_split(h) {
-            let [own, other] = last[slot(h)];
-            [(first[h], other), (own, first[twin])]
-        } else {
-            [(first[h], first[twin]); 2]
-        };
-        for (a, b) in pairs {
-            twins[a] = b;
-            twins[b] = a;
-        }
-    }
-    Some(twins)
-}
-
-/// Pairs the half-edges inside one split face: at most twelve, each with its opposite.
-fn pair_inner(inner: &[Half], faces: &[[Vert; 3]], twins: &mut PerHalf<Half>) {
-    let ends = |h: Half| {
-        let corners = faces[h.face().index()];
-        (corners[h.corner()], corners[(h.corner() + 1) % 3])
-    };
-    for (i, &g) in inner.iter().enumerate() {
-        let (from, to) = ends(g);
-        if let Some(&h) = inner[i + 1..].iter().find(|&&h| ends(h) == (to, from)) {
-            twins[g] = h;
-            twins[h] = g;
-        }
-    }
 }
 
 /// Where the new vertices would be if they stayed in the middle of the (moved) old ones.
@@ -477,7 +403,6 @@ mod tests {
         assert_eq!(r.mesh.edges().filter(|&h| r.mesh.is_border(h)).count(), 4);
     }
 
-    // `refine` checks in debug builds that inherited twins are those that pairing anew would find.
     #[test]
     fn faces_that_share_all_their_vertices_are_split_too() {
         let p = [[0., 0., 0.], [1., 0., 0.], [0., 1., 0.], [0., 0., 1.]];

@@ -19,23 +19,32 @@ pub struct Size {
     pub vertices: usize,
     /// Triangles.
     pub faces: usize,
-    /// Edges with one face, or with more than two.
-    pub border_edges: usize,
-    /// What is irregular about the edges.
-    #[serde(flatten)]
-    pub defects: EdgeDefects,
 }
 
 impl Size {
     /// Counts the elements of `mesh`.
     #[must_use]
     pub fn of(mesh: &Mesh) -> Self {
-        Self {
-            vertices: mesh.n_verts(),
-            faces: mesh.n_faces(),
-            border_edges: mesh.halves().filter(|&h| mesh.is_border(h)).count(),
-            defects: mesh.defects(),
-        }
+        Self { vertices: mesh.n_verts(), faces: mesh.n_faces() }
+    }
+}
+
+/// What of the input is left as it is: it is neither repaired nor sharpened.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct LeftAlone {
+    /// Half-edges without a twin: borders, and the edges below.
+    pub border_edges: usize,
+    /// What is irregular about the edges.
+    #[serde(flatten)]
+    pub defects: EdgeDefects,
+}
+
+impl LeftAlone {
+    /// Counts what `mesh` has of it.
+    #[must_use]
+    pub fn of(mesh: &Mesh) -> Self {
+        let border_edges = mesh.halves().filter(|&h| mesh.is_border(h)).count();
+        Self { border_edges, defects: mesh.defects() }
     }
 }
 
@@ -76,6 +85,8 @@ pub struct Report {
     pub method: Method,
     /// The mesh that came in.
     pub input: Size,
+    /// What of it is left as it is.
+    pub left_alone: LeftAlone,
     /// The mesh that went out.
     pub output: Size,
     /// What the filters coloured.
