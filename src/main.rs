@@ -1,13 +1,14 @@
 //! The `sharpen` command.
 
 mod cli;
+mod run;
 
 use std::process::ExitCode;
 
 use clap::Parser;
 
 fn main() -> ExitCode {
-    match cli::run(&cli::Arguments::parse()) {
+    match run::run(&cli::Arguments::parse()) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             eprintln!("sharpen: {error:#}");
