@@ -51,6 +51,7 @@ pub use mesh::{Mesh, MeshError};
 pub use options::{Method, Options};
 pub use report::Report;
 
+use attributes::Attributes;
 use classify::Labels;
 use refine::{Lineage, refine};
 use report::{Found, LeftAlone, Seconds, Size};
@@ -63,8 +64,6 @@ pub struct Sharpened {
     pub mesh: Mesh,
     /// Its sharp edges and tagged vertices.
     pub tags: Tags,
-    /// Where its faces come from, stage by stage; empty when nothing changed.
-    pub lineage: Vec<Lineage>,
     /// The colours of the *input* mesh, where [`Options::keep_labels`] asked for them.
     pub labels: Option<Labels>,
     /// What was found and done.
@@ -87,6 +86,50 @@ pub struct Sharpened {
 /// # Errors
 /// When the output has more elements than the 32-bit index type can count.
 pub fn sharpen(mesh: &Mesh, options: &Options) -> Result<Sharpened, MeshError> {
+    sharpen_observed(mesh, options, |_| ())
+}
+
+/// [`sharpen`] that also carries along what a file says about the mesh beyond points and faces. What could
+/// not be carried is named, one line each.
+///
+/// # Errors
+/// As [`sharpen`].
+pub fn sharpen_with_attributes(
+    mesh: &Mesh,
+    mut attributes: Attributes,
+    options: &Options,
+) -> Result<(Sharpened, Attributes, Vec<String>), MeshError> {
+    let mut notices = Vec::new();
+    let sharpened = sharpen_observed(mesh, options, |Rebuild { old, new, lineage, tags }| {
+        let (carried, lost) = std::mem::take(&mut attributes).carry(lineage, old, new, tags.sharp_edges());
+        attributes = carried;
+        notices.extend(lost);
+    })?;
+    Ok((sharpened, attributes, notices))
+}
+
+/// One rebuild of the mesh, for those who carry something along.
+#[derive(Clone, Copy, Debug)]
+pub struct Rebuild<'a> {
+    /// The mesh before: at the first rebuild the input.
+    pub old: &'a Mesh,
+    /// The mesh after.
+    pub new: &'a Mesh,
+    /// Where the new faces and corners come from.
+    pub lineage: &'a Lineage,
+    /// What is sharp in the new mesh.
+    pub tags: &'a Tags,
+}
+
+/// [`sharpen`] that calls `on_rebuild` after each rebuild of the mesh; never, when nothing changes.
+///
+/// # Errors
+/// As [`sharpen`].
+pub fn sharpen_observed(
+    mesh: &Mesh,
+    options: &Options,
+    mut on_rebuild: impl FnMut(Rebuild<'_>),
+) -> Result<Sharpened, MeshError> {
     let mut seconds = Seconds::default();
     let chamfers = pipeline::find(mesh, options, &mut seconds);
     let inserts = &chamfers.placement.inserts;
@@ -106,11 +149,14 @@ pub fn sharpen(mesh: &Mesh, options: &Options) -> Result<Sharpened, MeshError> {
     let refined = seconds.time("refine", || refine(mesh, inserts))?;
     let cleaned = seconds.time("clean", || pipeline::clean(mesh, &refined, &chamfers, &mut report))?;
     let tags = seconds.time("tags", || pipeline::find_tags(mesh, &chamfers, &cleaned, options.method));
+    drop(refined);
+    if report.changed {
+        on_rebuild(Rebuild { old: mesh, new: &cleaned.mesh, lineage: &cleaned.lineage, tags: &tags });
+    }
 
     report.output = Size::of(&cleaned.mesh);
     report.sharp_edges = tags.sharp_edges().len();
     report.seconds = seconds;
-    let lineage = if report.changed { vec![cleaned.lineage] } else { Vec::new() };
     let labels = options.keep_labels.then_some(chamfers.labels);
-    Ok(Sharpened { mesh: cleaned.mesh, tags, lineage, labels, report })
+    Ok(Sharpened { mesh: cleaned.mesh, tags, labels, report })
 }

@@ -46,20 +46,19 @@ pub struct Done {
 pub fn sharpen_file(arguments: &Arguments, input: &Path, output: &Path) -> Result<Done> {
     let model = io::read(input)?;
     let mesh = Mesh::new(model.points, model.faces).with_context(|| input.display().to_string())?;
-    let sharpened = sharpen::sharpen(&mesh, &arguments.options())?;
+    let (sharpened, attributes, lost) =
+        sharpen::sharpen_with_attributes(&mesh, model.attributes, &arguments.options())?;
     let painted = sharpened.labels.as_ref().map(|labels| paint::paint(&mesh, labels));
     drop(mesh);
 
-    let view = io::View {
-        points: sharpened.mesh.points(),
-        faces: sharpened.mesh.faces(),
-        attributes: &model.attributes,
-    };
+    let view =
+        io::View { points: sharpened.mesh.points(), faces: sharpened.mesh.faces(), attributes: &attributes };
     io::write(output, view)?;
     if let (Some(path), Some(painted)) = (&arguments.classes, painted) {
         io::write_bytes(path, &painted)?;
     }
-    Ok(Done { report: sharpened.report, notices: model.notices })
+    let notices = model.notices.into_iter().chain(lost).collect();
+    Ok(Done { report: sharpened.report, notices })
 }
 
 /// One line that says what came of it.
