@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 use super::triangulate::triangulate;
-use crate::attributes::{Channel, Polygons};
+use crate::attributes::{Channel, Column, Polygons};
 use crate::mesh::{Half, Vert};
 
 /// The faces of a file, or of a part of it, in order.
@@ -100,6 +100,20 @@ impl Faces {
             polygons.push(first, sides.iter().copied());
         }
         CutFaces { triangles: self.triangles, polygons, textures: self.textures, normals: self.normals }
+    }
+
+    /// Gives a column that has a value per face of the file a value per triangle.
+    pub fn per_triangle(&self, column: &mut Column) {
+        if self.polygons.is_empty() {
+            return;
+        }
+        let mut values = Vec::with_capacity(self.triangles.len());
+        let mut polygons = self.polygons.iter().peekable();
+        for &value in &column.values {
+            let n = polygons.next_if(|&&(first, _)| first == values.len()).map_or(3, |&(_, n)| n);
+            values.extend(std::iter::repeat_n(value, n - 2));
+        }
+        column.values = values;
     }
 }
 

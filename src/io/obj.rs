@@ -19,8 +19,8 @@ pub(super) use write::{format, losses};
 
 use glam::DVec3;
 
-use super::Model;
 use super::text::{Cursor, is_blank};
+use super::{Model, looks_like};
 use crate::error::{Fault, Quoted};
 use crate::mesh::{MAX_FACES, MAX_VERTS};
 use run::Run;
@@ -119,21 +119,6 @@ fn no_faces(bytes: &[u8], total: Counts, last_line: usize) -> Fault {
 fn first_word(bytes: &[u8]) -> &[u8] {
     let end = bytes.iter().take(16).position(|b| !b.is_ascii_graphic());
     &bytes[..end.unwrap_or(bytes.len().min(16))]
-}
-
-/// What other kind of file this is, by its first bytes.
-fn looks_like(bytes: &[u8]) -> Option<&'static str> {
-    let kinds: [(&[u8], &str); 8] = [
-        (b"solid", "an STL file"),
-        (b"ply", "a PLY file"),
-        (b"OFF", "an OFF file"),
-        (b"glTF", "a glTF file"),
-        (b"PK\x03\x04", "a ZIP archive"),
-        (b"\x1f\x8b", "a gzip archive"),
-        (b"Kaydara", "an FBX file"),
-        (b"<", "an XML file"),
-    ];
-    kinds.iter().find(|(start, _)| bytes.starts_with(start)).map(|&(_, kind)| kind)
 }
 
 #[cfg(test)]
