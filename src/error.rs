@@ -61,7 +61,8 @@ pub(crate) struct Fault {
 }
 
 /// The name of a file as messages show it: on one line whatever is in it.
-pub(crate) fn display_name(path: &Path) -> String {
+#[must_use]
+pub fn display_name(path: &Path) -> String {
     let name = path.to_string_lossy();
     if name.contains(char::is_control) { name.escape_debug().to_string() } else { name.into_owned() }
 }

@@ -138,6 +138,7 @@ pub fn sharpen_observed(
         input: Size::of(mesh),
         left_alone: LeftAlone::of(mesh),
         found: Found::of(mesh, &chamfers.labels),
+        unfit: chamfers.unfit.clone(),
         changed: !inserts.is_empty(),
         moved_vertices: inserts.moved.len(),
         ..Report::default()

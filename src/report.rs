@@ -89,6 +89,9 @@ pub struct Report {
     pub left_alone: LeftAlone,
     /// The mesh that went out.
     pub output: Size,
+    /// Why the mesh is not the kind of input that can be sharpened, if it is not. Nothing was changed then.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub unfit: Option<String>,
     /// What the filters coloured.
     pub found: Found,
     /// How many inserted vertices moved onto their feature, and how many stayed in the middle for which

@@ -91,6 +91,19 @@ fn at_a_smooth_angle_of_zero_nothing_is_found() {
 }
 
 #[test]
+fn a_noisy_mesh_is_left_as_it_is_and_the_report_says_why() {
+    let (mut points, faces) = sphere(4).into_parts();
+    for (i, p) in points.iter_mut().enumerate() {
+        *p *= 1.0 + 0.05 * (i as f64 * 12.9898).sin();
+    }
+    let noisy = Mesh::new(points, faces).unwrap();
+    let sharpened = run(&noisy, Method::Regions);
+    assert!(sharpened.report.unfit.as_ref().is_some_and(|why| why.starts_with("noisy or terraced")));
+    assert_eq!((sharpened.mesh.points(), sharpened.mesh.faces()), (noisy.points(), noisy.faces()));
+    assert!(run(&noisy, Method::Paper).report.unfit.is_none(), "the strict algorithm does as it is told");
+}
+
+#[test]
 fn every_animal_of_the_zoo_survives_every_method() {
     for (name, animal) in zoo() {
         for method in METHODS {
