@@ -34,6 +34,8 @@ MADE_METHODS = ["mc", "mi", "remesh"]
 MADE_FACES = [8000]
 # An output that is exact to the last digit would turn a geometric mean into zero.
 LEAST_RATIO = 1e-3
+# Counts summed over the inputs of a set.
+SUMS = ("flip", "fold", "si")
 # Emax counts as raised beyond sampling noise.
 RAISED = 1.02
 
@@ -69,8 +71,8 @@ def run(command, source, target):
     """Run the command on a mesh; return an error message or None."""
     done = subprocess.run([*command, source, target], capture_output=True, text=True, check=False)
     if done.returncode:
-        last = (done.stderr.strip().splitlines() or ["no message"])[-1]
-        return f"exit code {done.returncode}: {last}"
+        first = (done.stderr.strip().splitlines() or ["no message"])[0]
+        return f"exit code {done.returncode}: {first}"
     return None if target.exists() else "wrote no output"
 
 
@@ -253,9 +255,6 @@ def summary(rows, chosen):
                 + [f"{total(pairs, 1, 'corners')}/{total(pairs, 0, 'corners_true')}"]
             )
     return markdown(heads, lines)
-
-
-SUMS = ("flip", "fold", "si")
 
 
 def total(pairs, side, key):

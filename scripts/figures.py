@@ -209,7 +209,7 @@ class Panel:
         if self.lines is not None and len(self.lines[0]):
             lines = poly_data(self.mesh[0], self.lines[0])
             lines.cell_data["colour"] = self.lines[1]
-            plotter.add_mesh(lines, scalars="colour", rgb=True, line_width=3, lighting=False)
+            plotter.add_mesh(lines, scalars="colour", rgb=True, line_width=2, lighting=False)
 
 
 def draw(out, panels, views, size, edges=False, limit=None):

@@ -482,7 +482,7 @@ def main():
         type=face_count,
         default=[8000],
         metavar="N",
-        help=f"numbers of faces, within {FACES_TOLERANCE:.0%}, as 8000 or 8k (default: 8k)",
+        help=f"numbers of faces, within {100 * FACES_TOLERANCE:g} %%, as 8000 or 8k (default: 8k)",
     )
     parser.add_argument(
         "--noise",
