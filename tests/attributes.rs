@@ -5,6 +5,7 @@ use sharpen::Mesh;
 use sharpen::io::{self, Model, View};
 use sharpen::mesh::{Face, Half, Vert};
 use sharpen::refine::{Inserts, Lineage, Place, refine};
+use sharpen::weld::{Weld, weld};
 
 fn read(text: &str) -> Model {
     let model = io::parse(text.as_bytes(), "t.obj").unwrap();
@@ -17,10 +18,14 @@ fn v(i: usize) -> Vert {
 }
 
 /// The file `text` with the edges between the vertices `split` (counted from 1) split in the middle, and
-/// a vertex in each of `centres` (triangles from 0); the edges `sharp` are sharp afterwards.
+/// a vertex in each of `centres` (triangles from 0); the edges `sharp` are sharp afterwards. Vertices in one
+/// place are one for all this.
 fn refined(text: &str, split: &[[usize; 2]], centres: &[usize], sharp: &[[usize; 2]]) -> String {
-    let model = read(text);
-    let mesh = Mesh::new(model.points, model.faces).unwrap();
+    let Model { points, mut faces, mut attributes, .. } = read(text);
+    if let Some(firsts) = weld(&points, Weld::Exact) {
+        attributes.join(&mut faces, &firsts);
+    }
+    let mesh = Mesh::new(points.clone(), faces).unwrap();
     let is_split = |h: Half| {
         let ends = [mesh.from(h).index() + 1, mesh.to(h).index() + 1];
         split.iter().any(|&[a, b]| ends == [a, b] || ends == [b, a])
@@ -29,9 +34,12 @@ fn refined(text: &str, split: &[[usize; 2]], centres: &[usize], sharp: &[[usize;
     let inserts = Inserts::in_the_middle(&mesh, is_split, &centres);
     let refined = refine(&mesh, &inserts).unwrap();
     let sharp: Vec<_> = sharp.iter().map(|edge| edge.map(|i| v(i - 1))).collect();
-    let (attributes, notices) = model.attributes.carry(&refined.lineage, &mesh, &refined.mesh, &sharp);
+    let (attributes, notices) = attributes.carry(&refined.lineage, &mesh, &refined.mesh, &sharp);
     assert_eq!(notices, [""; 0]);
-    written(refined.mesh.points(), refined.mesh.faces(), &attributes)
+    match attributes.part(&points, &refined.mesh) {
+        Some((points, faces)) => written(&points, &faces, &attributes),
+        None => written(refined.mesh.points(), refined.mesh.faces(), &attributes),
+    }
 }
 
 fn written(points: &[DVec3], faces: &[[Vert; 3]], attributes: &sharpen::attributes::Attributes) -> String {
@@ -181,4 +189,45 @@ fn lines_to_vertices_that_are_gone_are_named() {
         written(new.points(), new.faces(), &attributes),
         "v 0 0 0\nv 2 0 0\nv 0 2 0\nl 1 2\nf 1 2 3\n"
     );
+}
+
+// 4---3 6    The square with vertices of its own on each side of its diagonal.
+// | / / |
+// 1 5---2
+const SEAM: &str =
+    "v 0 0 0 1 0 0\nv 2 0 0 1 0 0\nv 2 2 0 1 0 0\nv 0 2 0 0 1 0\nv -0 0 0 0 0 1\nv 2 2 0 0 1 1\n";
+
+#[test]
+fn a_new_vertex_on_a_seam_of_vertices_is_one_on_each_side() {
+    // The mesh has the edge 1-3; the file has 1-3 above it and 5-6 below.
+    assert_eq!(
+        refined(&format!("{SEAM}f 1 3 4\nf 5 2 6\n"), &[[1, 3], [3, 4], [2, 3]], &[], &[]),
+        format!(
+            "{SEAM}v 1 1 0 1 0 0\nv 1 2 0 0.5 0.5 0\nv 2 1 0 0.5 0.5 0.5\nv 1 1 0 0 0.5 1\n\
+             f 3 8 7\nf 8 4 7\nf 4 1 7\nf 6 10 9\nf 10 5 2\nf 10 2 9\n"
+        )
+    );
+}
+
+#[test]
+fn a_new_vertex_between_shared_vertices_is_shared() {
+    // As before, but only one end of the diagonal is split in the file; and nowhere but there.
+    let half = SEAM.replace("v 2 2 0 0 1 1\n", "v 9 9 9\n");
+    assert_eq!(
+        refined(&format!("{half}f 1 3 4\nf 5 2 3\n"), &[[1, 3], [2, 3]], &[], &[]),
+        format!(
+            "{half}v 1 1 0 1 0 0\nv 2 1 0 1 0 0\nv 1 1 0 0.5 0 0.5\n\
+             f 1 7 4\nf 7 3 4\nf 3 9 8\nf 9 5 2\nf 9 2 8\n"
+        )
+    );
+    assert_eq!(
+        refined(&format!("{half}f 1 3 4\nf 1 2 3\nf 5 4 2\n"), &[[1, 3]], &[], &[]),
+        format!("{half}v 1 1 0 1 0 0\nf 1 7 4\nf 7 3 4\nf 3 7 2\nf 7 1 2\nf 5 4 2\n")
+    );
+}
+
+#[test]
+fn a_file_with_split_vertices_comes_back_when_nothing_is_inserted() {
+    let text = format!("{SEAM}vt 0 0\nvt 1 1\ng a\nf 1/1 3/2 4/1\nl 5 6\nf 5 2 6/2\n");
+    assert_eq!(refined(&text, &[], &[], &[]), text);
 }

@@ -155,7 +155,7 @@ impl Step<'_> {
             let v = self.new.from(h);
             files.at[h] = if files.first[v].is_some() { files.first[v] } else { files.add(v, h) };
         }
-        files.newcomers.sort_unstable();
+        files.put_in_order(split.joined_in.len());
         (Split { at: files.at, joined_in: files.joined_in.into() }, files.newcomers)
     }
 
@@ -288,6 +288,24 @@ impl FileVerts {
         self.first[v] = self.first[v].min(added);
         self.newcomers.push((added, h));
         added
+    }
+
+    /// Numbers the vertices from `start` on in the mesh's order: first one for each vertex of the mesh, as
+    /// if nothing was joined, then the further ones.
+    fn put_in_order(&mut self, start: usize) {
+        let is_further = |&i: &usize| self.first[self.joined_in[i]].index() != i;
+        let mut order: Vec<usize> = (start..self.joined_in.len()).collect();
+        order.sort_by_key(|i| (is_further(i), self.joined_in[*i]));
+        let mut now: Vec<Vert> = (0..self.joined_in.len()).map(Vert::new).collect();
+        for (rank, &i) in order.iter().enumerate() {
+            now[i] = Vert::new(start + rank);
+        }
+        self.at.as_mut_slice().iter_mut().for_each(|v| *v = now[v.index()]);
+        self.newcomers.iter_mut().for_each(|(v, _)| *v = now[v.index()]);
+        self.newcomers.sort_unstable();
+        let joined: Vec<Vert> = order.iter().map(|&i| self.joined_in[i]).collect();
+        self.joined_in.truncate(start);
+        self.joined_in.extend(joined);
     }
 }
 

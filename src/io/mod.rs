@@ -65,7 +65,8 @@ impl<'a> From<&'a Model> for View<'a> {
 /// # Errors
 /// When the file cannot be read, its name does not tell the format, or its content is no mesh.
 pub fn read(path: &Path) -> Result<Model, Error> {
-    read_as(path, Format::of(path)?)
+    let bytes = read_bytes(path)?;
+    parse_as(&bytes, &display_name(path), Format::of(path)?)
 }
 
 /// Reads the mesh in the file `path`, whatever its name; `-` is standard input.
