@@ -425,6 +425,16 @@ impl Mesh {
         !self.twins().of[h].is_some()
     }
 
+    /// The ends of all edges without a twin, ascending, each once.
+    #[must_use]
+    pub fn border_verts(&self) -> Vec<Vert> {
+        let borders = self.halves().filter(|&h| self.is_border(h));
+        let mut verts: Vec<Vert> = borders.flat_map(|h| [self.from(h), self.to(h)]).collect();
+        verts.sort_unstable();
+        verts.dedup();
+        verts
+    }
+
     /// The next half-edge that leaves the same vertex, counter-clockwise; none past a border.
     #[inline]
     #[must_use]

@@ -49,17 +49,20 @@ pub struct Done {
 pub fn sharpen_file(arguments: &Arguments, input: &Path, output: &Path) -> Result<Done> {
     let bytes = io::read_bytes(input)?;
     let (source, target) = (arguments.format_of(input)?, arguments.format_of(output)?);
-    let mut model = io::parse_as(&bytes, &display_name(input), source)?;
+    let model = io::parse_as(&bytes, &display_name(input), source)?;
     // A file can be read again, if need be; a stream cannot.
     let bytes = (input == Path::new("-")).then_some(bytes);
-    if let Some(firsts) = weld(&model.points, arguments.weld) {
-        model.attributes.join(&mut model.faces, &firsts);
+    let (mut attributes, mut notices) = (model.attributes, model.notices);
+    let name = || display_name(input);
+    let mut mesh = Mesh::new(model.points, model.faces).with_context(name)?;
+    if let Some(firsts) = weld(mesh.points(), mesh.border_verts(), arguments.weld) {
+        let (points, mut faces) = mesh.into_parts();
+        attributes.join(&mut faces, &firsts);
+        mesh = Mesh::new(points, faces).with_context(name)?;
     }
-    let mesh = Mesh::new(model.points, model.faces).with_context(|| display_name(input))?;
     let (sharpened, attributes, lost) =
-        sharpen::sharpen_with_attributes(&mesh, model.attributes, &arguments.options())?;
+        sharpen::sharpen_with_attributes(&mesh, attributes, &arguments.options())?;
     let painted = sharpened.labels.as_ref().map(|labels| paint::paint(&mesh, labels));
-    let mut notices = model.notices;
     notices.extend(lost);
 
     if !sharpened.report.changed && source == target {

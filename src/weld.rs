@@ -6,9 +6,11 @@
 //! New vertices are one in the file where the file's vertices are one on both sides, else several.
 //!
 //! In/out: points `[V]`, faces `[F]` -> the same arrays with corners joined; and back.
-//! Cost: O(V), a hash table of 8 bytes per vertex for a while.
+//! Cost: O(vertices looked at), a hash table of 16 bytes each for a while.
 
-use std::hash::{BuildHasher, RandomState};
+use std::hash::BuildHasher;
+
+use foldhash::fast::RandomState;
 
 use glam::DVec3;
 
@@ -43,16 +45,23 @@ impl std::str::FromStr for Weld {
     }
 }
 
-/// For each of `points` the lowest one that stands in its place, `[V]`; none if each stands alone.
+/// For each of `points` the lowest one of `among` that stands in its place, `[V]`; none if each stands
+/// alone. `among` is ascending: all vertices, or those on borders, since joining others changes no surface.
 #[must_use]
-pub fn weld(points: &[DVec3], weld: Weld) -> Option<Vec<Vert>> {
+pub fn weld(points: &[DVec3], among: impl IntoIterator<Item = Vert>, weld: Weld) -> Option<Vec<Vert>> {
     let mut places = match weld {
         Weld::None => return None,
         Weld::Exact | Weld::Distance(0.0) => Places::exact(),
         Weld::Distance(distance) => Places::within(distance),
     };
-    let firsts: Vec<Vert> = (0..points.len()).map(|i| places.find_or_add(points, Vert::new(i))).collect();
-    firsts.iter().enumerate().any(|(i, first)| first.index() != i).then_some(firsts)
+    let mut firsts: Vec<Vert> = (0..points.len()).map(Vert::new).collect();
+    let mut is_joined = false;
+    for v in among {
+        let first = places.find_or_add(points, v);
+        is_joined |= first != v;
+        firsts[v.index()] = first;
+    }
+    is_joined.then_some(firsts)
 }
 
 /// A hash table of points by place. No result depends on its (random) hash.
@@ -72,7 +81,7 @@ impl Places {
     }
 
     fn within(cell: f64) -> Self {
-        Self { hasher: RandomState::new(), cell, buckets: vec![Vert::NONE; 64], links: Vec::new() }
+        Self { hasher: RandomState::default(), cell, buckets: vec![Vert::NONE; 64], links: Vec::new() }
     }
 
     /// The lowest of the points found so far that is in the place of `points[v]`; if there is none, `v`,
@@ -179,7 +188,8 @@ mod tests {
 
     fn firsts(points: &[[f64; 3]], how: Weld) -> Option<Vec<usize>> {
         let points: Vec<DVec3> = points.iter().map(|&p| p.into()).collect();
-        weld(&points, how).map(|firsts| firsts.into_iter().map(Vert::index).collect())
+        weld(&points, (0..points.len()).map(Vert::new), how)
+            .map(|firsts| firsts.into_iter().map(Vert::index).collect())
     }
 
     #[test]
@@ -210,7 +220,7 @@ mod tests {
             .collect();
         for (how, distance) in [(Weld::Exact, 0.0), (Weld::Distance(0.45), 0.45), (Weld::Distance(1.0), 1.0)]
         {
-            let found = weld(&points, how).unwrap();
+            let found = weld(&points, (0..points.len()).map(Vert::new), how).unwrap();
             let mut firsts: Vec<usize> = Vec::new();
             for (i, p) in points.iter().enumerate() {
                 let first = firsts.iter().copied().find(|&j| points[j].distance(*p) <= distance);
@@ -240,7 +250,7 @@ mod tests {
         let faces = [[0, 1, 2], [3, 4, 5]].map(|f: [usize; 3]| f.map(Vert::new));
         let mut attributes = Attributes::default();
         let mut joined = faces.to_vec();
-        attributes.join(&mut joined, &weld(&points, Weld::Exact).unwrap());
+        attributes.join(&mut joined, &weld(&points, (0..points.len()).map(Vert::new), Weld::Exact).unwrap());
         assert_eq!(joined, [[0, 1, 2], [0, 4, 1]].map(|f: [usize; 3]| f.map(Vert::new)));
         let mesh = Mesh::new(points.clone(), joined).unwrap();
         let (parted, parted_faces) = attributes.part(&points, &mesh).unwrap();

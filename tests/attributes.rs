@@ -22,7 +22,7 @@ fn v(i: usize) -> Vert {
 /// place are one for all this.
 fn refined(text: &str, split: &[[usize; 2]], centres: &[usize], sharp: &[[usize; 2]]) -> String {
     let Model { points, mut faces, mut attributes, .. } = read(text);
-    if let Some(firsts) = weld(&points, Weld::Exact) {
+    if let Some(firsts) = weld(&points, (0..points.len()).map(Vert::new), Weld::Exact) {
         attributes.join(&mut faces, &firsts);
     }
     let mesh = Mesh::new(points.clone(), faces).unwrap();
