@@ -43,6 +43,7 @@ pub mod place;
 pub mod refine;
 pub mod regions;
 pub mod report;
+pub mod stencil;
 pub mod tags;
 pub mod untangle;
 pub mod weld;
