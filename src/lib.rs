@@ -28,6 +28,7 @@
 //!   feature-insensitive sampling*, IEEE TVCG 2005.
 
 pub mod attributes;
+pub mod bend;
 pub mod classify;
 pub mod collapse;
 mod edit;
