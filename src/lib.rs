@@ -31,6 +31,7 @@ pub mod attributes;
 pub mod bend;
 pub mod classify;
 pub mod collapse;
+pub mod denoise;
 mod edit;
 pub mod error;
 pub mod fit;
