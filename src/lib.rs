@@ -28,8 +28,10 @@
 //!   feature-insensitive sampling*, IEEE TVCG 2005.
 
 pub mod attributes;
+pub mod bend;
 pub mod classify;
 pub mod collapse;
+pub mod denoise;
 mod edit;
 pub mod error;
 pub mod fit;
@@ -43,6 +45,7 @@ pub mod place;
 pub mod refine;
 pub mod regions;
 pub mod report;
+pub mod stencil;
 pub mod tags;
 pub mod untangle;
 pub mod weld;

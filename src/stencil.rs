@@ -4,10 +4,10 @@
 //! round that end from one cut edge to the next, on the side where the edge lies.
 //!
 //! ```text
-//!      2 = = q = = 0      crease end q: k = 3 triangles between two cut edges (=); the edge
-//!     / \   / \ i /       to n[1] is the second spoke, i = 1
-//!    /   \ /   \ /        interior end: no cut edge, or one (a dead end); k is the valence
-//!   -     n2    n1
+//!    3 = = v = = 0     v is a crease end: k = 3 triangles between two cut edges (=),
+//!     \   / \   /      spokes 0 to k counter-clockwise, the two outer ones on the curve.
+//!      \ /   \ /       Without a cut edge, or with one (a dead end), v is an interior end:
+//!       2 - - 1        k triangles all round, spoke 0 is the edge itself.
 //! ```
 //!
 //! An end is *regular* when it is interior with k = 6 or crease with k = 3.
@@ -15,14 +15,542 @@
 //! Based on: Zorin, Schröder and Sweldens 1996 with Zorin's later corrections; Sharpen&Bend section 4.2.
 //! Differs: no mesh is cut and healed; a sector is a walk round a vertex. Paper silent: where several
 //! fans touch in a vertex each counts for itself; edges with three or more faces form curves of their
-//! own; ends of fewer than three neighbours leave the new vertex in the middle.
-//! In/out: `Mesh` + `Tags` -> `Stencils`, which gives a point and a [`Rule`] per edge.
+//! own; an interior end of two triangles wants the middle.
+//! In/out: `Mesh` + `Tags` -> `Stencils`, which gives a [`Proposal`] per edge.
 //! Cost: O(F) for all edges: ends of more than [`WIDE`] triangles are summed once, not once an edge.
 
 use std::f64::consts::PI;
 
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 
 use crate::mesh::{Half, Mesh, PerHalf, Vert};
-use crate::refine::alone_on_their_pair;
+use crate::refine::Knots;
 use crate::tags::Tags;
+
+/// An end with more triangles than this has its sums made beforehand, for all its edges at once. Below,
+/// walking round it for each edge is cheaper than keeping the sums; 64 bounds the walk.
+const WIDE: usize = 64;
+
+/// How a new vertex was placed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Rule {
+    /// Both ends interior and regular.
+    R1,
+    /// On a curve, both ends with exactly two cut edges.
+    R2,
+    /// One regular interior end, one regular crease end.
+    R3,
+    /// Two regular crease ends on one corner.
+    R4,
+    /// Two regular crease ends on two curves.
+    R5,
+    /// On a curve, one end with exactly two cut edges.
+    R6,
+    /// One extraordinary end, a crease vertex.
+    E1,
+    /// One extraordinary end, an interior vertex.
+    E2,
+    /// Two extraordinary ends: the mean of what each would do.
+    Mean,
+    /// In the middle of a cut edge: no curve goes on at either end.
+    Midpoint,
+}
+
+/// What the stencils say about the new vertex of an edge.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Proposal {
+    /// Where it goes.
+    pub point: DVec3,
+    /// Why there.
+    pub rule: Rule,
+    /// How far from the middle each end by itself would expect it, as displacements: along a surface from
+    /// the normals at the two ends, along a curve from its two sides. No weights are in these: they tell
+    /// whether the neighbourhood is smooth enough for the stencil to mean anything.
+    pub expected: [DVec3; 2],
+}
+
+/// What one end of an edge is in its sector.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum End {
+    /// No cut edge or one: `k` triangles all round.
+    Interior { k: usize },
+    /// Between two cut edges: `k` triangles, and the edge is spoke `i` of `0..=k`, counter-clockwise.
+    Crease { k: usize, i: usize },
+}
+
+impl End {
+    fn is_regular(self) -> bool {
+        matches!(self, Self::Interior { k: 6 } | Self::Crease { k: 3, .. })
+    }
+
+    /// The angle between neighbouring spokes if the end were flat and even.
+    fn angle(self) -> f64 {
+        match self {
+            Self::Interior { k } => 2.0 * PI / k as f64,
+            Self::Crease { k, .. } => PI / k as f64,
+        }
+    }
+
+    fn extraordinary_rule(self) -> Rule {
+        match self {
+            Self::Interior { .. } => Rule::E2,
+            Self::Crease { .. } => Rule::E1,
+        }
+    }
+}
+
+/// A sector as seen from one of the half-edges in it.
+#[derive(Clone, Copy, Debug)]
+struct Sector {
+    /// The half-edge along spoke 0, leaving the vertex.
+    first: Half,
+    /// What the vertex is there.
+    end: End,
+    /// What was summed beforehand, at a wide end.
+    known: Option<Known>,
+}
+
+/// What is summed over all neighbours of an end.
+#[derive(Clone, Copy, Debug)]
+struct Known {
+    /// Where the end, if extraordinary, wants the new vertex of an edge.
+    wish: DVec3,
+    /// The unit normal of the sector; zero if it has none.
+    normal: DVec3,
+}
+
+/// The stencils of a mesh, ready to be asked edge by edge.
+#[derive(Debug)]
+pub struct Stencils<'m> {
+    mesh: &'m Mesh,
+    /// Sharp and border edges, on both half-edges. `[3F]`
+    is_cut: PerHalf<bool>,
+    knots: Knots,
+    /// For each half-edge that leaves a wide end: what the end is, and its sums. Ascending.
+    wide: Vec<(Half, End, Known)>,
+}
+
+impl<'m> Stencils<'m> {
+    /// Prepares the stencils of `mesh` with the sharp edges of `tags`.
+    #[must_use]
+    pub fn new(mesh: &'m Mesh, tags: &Tags) -> Self {
+        let mut is_cut = tags.sharp_halves(mesh);
+        for h in mesh.halves().filter(|&h| mesh.is_border(h)) {
+            is_cut[h] = true;
+        }
+        let mut stencils = Self { mesh, is_cut, knots: Knots::of(mesh), wide: Vec::new() };
+        let is_wide = |v: &Vert| mesh.leaving(*v).len() > WIDE;
+        stencils.wide = mesh.verts().filter(is_wide).flat_map(|v| stencils.wide_ends(v)).collect();
+        stencils.wide.sort_unstable_by_key(|&(h, ..)| h);
+        stencils
+    }
+
+    /// Whether the edge of `h` is sharp or a border.
+    #[must_use]
+    pub fn is_cut(&self, h: Half) -> bool {
+        self.is_cut[h]
+    }
+
+    /// Where the new vertex on the edge of `h` goes, and why. The same for both half-edges.
+    #[must_use]
+    pub fn place(&self, h: Half) -> Proposal {
+        let h = self.mesh.edge(h);
+        match self.mesh.twin(h) {
+            Some(twin) if !self.is_cut[h] => self.place_in_surface(h, twin),
+            _ => self.place_on_curve(h),
+        }
+    }
+
+    /// The curve rules: R2, R6 and the middle.
+    fn place_on_curve(&self, h: Half) -> Proposal {
+        let (p, q) = (self.from(h), self.to(h));
+        let middle = p.midpoint(q);
+        let along = (q - p).normalize_or_zero();
+        let from_middle = |v: Vert| self.mesh.point(v) - middle;
+        // The mirror in the perpendicular bisector of p q, and what is common to a point and its mirror.
+        let mirror = |w: DVec3| w - 2.0 * w.dot(along) * along;
+        let across = |w: DVec3| w - w.dot(along) * along;
+        let (before, after, rule) = match (self.curve_before(h), self.curve_after(h)) {
+            (Some(a), Some(b)) => (from_middle(a), from_middle(b), Rule::R2),
+            (Some(a), None) => (from_middle(a), mirror(from_middle(a)), Rule::R6),
+            (None, Some(b)) => (mirror(from_middle(b)), from_middle(b), Rule::R6),
+            (None, None) => (DVec3::ZERO, DVec3::ZERO, Rule::Midpoint),
+        };
+        // before    p    new    q    after
+        //   o-------o-----x-----o------o
+        // -1/16   9/16        9/16   -1/16
+        let point = middle - (before + after) / 16.0;
+        Proposal { point, rule, expected: [before, after].map(|w| across(w) / -8.0) }
+    }
+
+    /// The surface rules, for an edge that is no cut.
+    fn place_in_surface(&self, h: Half, twin: Half) -> Proposal {
+        let (p, q) = (self.sector(h), self.sector(twin));
+        let (point, rule) = match (p.end.is_regular(), q.end.is_regular()) {
+            (true, true) => self.place_regular((h, p.end), (twin, q.end)),
+            (false, false) => (self.wish(h, p).midpoint(self.wish(twin, q)), Rule::Mean),
+            (false, true) => (self.wish(h, p), p.end.extraordinary_rule()),
+            (true, false) => (self.wish(twin, q), q.end.extraordinary_rule()),
+        };
+        let expected = expected_by_normals(self.to(h) - self.from(h), self.normal(p), self.normal(q));
+        Proposal { point, rule, expected }
+    }
+
+    /// The rules for two regular ends, each given with the half-edge that leaves it.
+    fn place_regular(&self, (h, p): (Half, End), (twin, q): (Half, End)) -> (DVec3, Rule) {
+        match (p, q) {
+            (End::Interior { .. }, End::Interior { .. }) => (self.place_r1(h, twin), Rule::R1),
+            (End::Interior { .. }, End::Crease { i, .. }) => (self.place_r3(h, twin, i), Rule::R3),
+            (End::Crease { i, .. }, End::Interior { .. }) => (self.place_r3(twin, h, i), Rule::R3),
+            // The curve passes on the right of a half-edge at spoke 1, on the left of one at spoke 2. Seen
+            // from the other end, sides change.
+            (End::Crease { i, .. }, End::Crease { i: j, .. }) if i == j => {
+                (self.place_r5(h, twin, i == 1), Rule::R5)
+            }
+            (End::Crease { i, .. }, End::Crease { .. }) => (self.place_r4(h, twin, i == 1), Rule::R4),
+        }
+    }
+
+    /// Exact for cubics on the regular lattice.
+    fn place_r1(&self, h: Half, twin: Half) -> DVec3 {
+        //     -1/16 --- 1/8 --- -1/16
+        //          \   /   \   /
+        //           p --x-- q          ends 1/2
+        //          /   \   /   \
+        //     -1/16 --- 1/8 --- -1/16
+        let [q, a, b] = self.spokes(h, [0, 2, 4]);
+        let [p, c, d] = self.spokes(twin, [0, 2, 4]);
+        (p + q) / 2.0 + (self.opposite(h) + self.opposite(twin)) / 8.0 - (a + b + c + d) / 16.0
+    }
+
+    /// Exact for quadratics. `i` is the spoke of the edge in the sector of the crease end.
+    fn place_r3(&self, from_interior: Half, from_crease: Half, i: usize) -> DVec3 {
+        //       -1/8 --- 3/16 -- -1/16
+        //      /    \   /   \   //
+        //     0 ----- p --x-- q          p 5/8, q 3/8; // the curve (or all of it mirrored)
+        //      \    /   \   //
+        //       -1/16 -- 1/16
+        let ring = if i == 2 { [1, 2, 4, 5] } else { [5, 4, 2, 1] };
+        let [a, b, c, near] = self.spokes(from_interior, ring);
+        let far = self.far_on_curve(from_crease, i == 1);
+        let (p, q) = (self.from(from_interior), self.from(from_crease));
+        (10.0 * p + 6.0 * q + 3.0 * a - 2.0 * b - c + near - far) / 16.0
+    }
+
+    /// Exact for quadratics.
+    fn place_r4(&self, h: Half, twin: Half, curves_meet_right: bool) -> DVec3 {
+        //     -1/8 --- 1/4 --- -1/8
+        //        \\   /   \   //
+        //          p --x-- q         ends 1/2; the curves \\ and // meet in a corner
+        //           \\   //
+        //              0
+        let apart = self.opposite(if curves_meet_right { h } else { twin });
+        let far = self.far_on_curve(h, curves_meet_right) + self.far_on_curve(twin, !curves_meet_right);
+        (self.from(h) + self.to(h)) / 2.0 + apart / 4.0 - far / 8.0
+    }
+
+    /// Exact for linear functions.
+    fn place_r5(&self, h: Half, twin: Half, curves_are_right: bool) -> DVec3 {
+        //     -1/16 --- 1/16
+        //         \\   /   \\
+        //           p --x-- q          ends 1/2; a strip one edge wide between two curves
+        //            \\   /   \\
+        //             1/16 --- -1/16
+        let near = self.opposite(h) + self.opposite(twin);
+        let far = self.far_on_curve(h, curves_are_right) + self.far_on_curve(twin, curves_are_right);
+        (self.from(h) + self.to(h)) / 2.0 + (near - far) / 16.0
+    }
+
+    /// The neighbours of an interior end that are `numbers` spokes counter-clockwise of `h`.
+    fn spokes<const N: usize>(&self, h: Half, numbers: [usize; N]) -> [DVec3; N] {
+        numbers.map(|n| self.to((0..n).fold(h, |h, _| self.ccw(h))))
+    }
+
+    /// The neighbour two spokes from `h`, across two triangles: the second cut edge of a regular crease end.
+    fn far_on_curve(&self, h: Half, is_ccw: bool) -> DVec3 {
+        // Counter-clockwise the last spoke may be a border, which no half-edge leaves along.
+        if is_ccw { self.opposite(self.ccw(h)) } else { self.to(self.cw(self.cw(h))) }
+    }
+
+    /// Where an extraordinary end would have the new vertex on the edge of `h`, which leaves it.
+    fn wish(&self, h: Half, sector: Sector) -> DVec3 {
+        match sector.known {
+            Some(known) => known.wish,
+            None => wish(sector.end, &self.harmonics(sector), self.from(h), self.to(h)),
+        }
+    }
+
+    /// The unit normal of the vertex in a sector; zero if it has none.
+    ///
+    /// Based on: Max 1999, whose weights make it exact on a sphere however the faces lie. Weights by area
+    /// or angle tell slivers on a curved surface from noise less well.
+    fn normal(&self, sector: Sector) -> DVec3 {
+        if let Some(known) = sector.known {
+            return known.normal;
+        }
+        let centre = self.from(sector.first);
+        let mut sum = DVec3::ZERO;
+        for h in self.halves_of(sector) {
+            let (a, b) = (self.to(h) - centre, self.opposite(h) - centre);
+            // A face without area has no say, rather than too much.
+            let weighted = a.cross(b) / (a.length_squared() * b.length_squared());
+            sum += if weighted.is_finite() { weighted } else { DVec3::ZERO };
+        }
+        sum.normalize_or_zero()
+    }
+
+    /// The half-edges that leave the vertex in a sector, one per triangle.
+    fn halves_of(&self, Sector { first, end, .. }: Sector) -> impl Iterator<Item = Half> + '_ {
+        let (End::Interior { k } | End::Crease { k, .. }) = end;
+        std::iter::successors(Some(first), |&h| self.mesh.rotate_ccw(h)).take(k)
+    }
+
+    /// The sector of `h`, which leaves the end and is no cut. Walks over at most [`WIDE`] triangles.
+    fn sector(&self, h: Half) -> Sector {
+        match self.wide.binary_search_by_key(&h, |&(h, ..)| h) {
+            Ok(found) => {
+                let (_, end, known) = self.wide[found];
+                Sector { first: h, end, known: Some(known) }
+            }
+            Err(_) => self.walk_sector(h),
+        }
+    }
+
+    /// Walks counter-clockwise from `h` to a cut edge, or all round; then clockwise.
+    fn walk_sector(&self, h: Half) -> Sector {
+        let (mut last, mut k) = (h, 1);
+        while !self.is_cut[last.prev()] {
+            last = self.ccw(last);
+            if last == h {
+                return Sector { first: h, end: End::Interior { k }, known: None };
+            }
+            k += 1;
+        }
+        let (mut first, mut i) = (h, 0);
+        while !self.is_cut[first] {
+            first = self.cw(first);
+            i += 1;
+        }
+        k += i;
+        if self.mesh.twin(first) == Some(last.prev()) {
+            // One cut edge alone: a dead end.
+            return Sector { first: h, end: End::Interior { k }, known: None };
+        }
+        Sector { first, end: End::Crease { k, i }, known: None }
+    }
+
+    /// The sums over the neighbours in a sector that the rules for extraordinary ends are made of.
+    fn harmonics(&self, sector: Sector) -> Harmonics {
+        let step = sector.end.angle();
+        let mut sums = Harmonics::default();
+        let turn = DVec2::from_angle(step);
+        let mut angle = DVec2::X;
+        let mut last = sector.first;
+        for h in self.halves_of(sector) {
+            sums.add(angle, self.to(h));
+            angle = turn.rotate(angle);
+            last = h;
+        }
+        if let End::Crease { .. } = sector.end {
+            sums.add(angle, self.opposite(last));
+            sums.first_less_last = self.to(sector.first) - self.opposite(last);
+        }
+        sums
+    }
+
+    /// The sums of the wide ends at `v`, for each half-edge that leaves them and is no cut.
+    fn wide_ends(&self, v: Vert) -> Vec<(Half, End, Known)> {
+        let leaving = self.mesh.leaving(v);
+        let mut is_done = vec![false; leaving.len()];
+        let mut wide = Vec::new();
+        // From a cut edge the walk never turns back, so that all sectors together cost one turn.
+        let (cut, rest): (Vec<_>, Vec<_>) = (0..leaving.len()).partition(|&n| self.is_cut[leaving[n]]);
+        for n in cut.into_iter().chain(rest) {
+            if is_done[n] {
+                continue;
+            }
+            let sector = self.walk_sector(leaving[n]);
+            let (sums, normal) = (self.harmonics(sector), self.normal(sector));
+            for (i, h) in self.halves_of(sector).enumerate() {
+                is_done[leaving.binary_search(&h).unwrap_or(n)] = true;
+                let (k, end, sums) = match sector.end {
+                    end @ End::Interior { k } => (k, end, sums.turned(i as f64 * end.angle())),
+                    End::Crease { k, .. } => (k, End::Crease { k, i }, sums),
+                };
+                if k > WIDE && !self.is_cut[h] {
+                    let wish = wish(end, &sums, self.from(h), self.to(h));
+                    wide.push((h, end, Known { wish, normal }));
+                }
+            }
+        }
+        wide
+    }
+
+    /// Where the curve through the edge of `h` goes on before its start: the neighbour along the only
+    /// other cut edge in the fan.
+    fn curve_before(&self, h: Half) -> Option<Vert> {
+        self.curve_beyond(h, Some(h), self.mesh.twin(h))
+    }
+
+    /// Where it goes on after the end of `h`.
+    fn curve_after(&self, h: Half) -> Option<Vert> {
+        self.curve_beyond(h, self.mesh.twin(h), Some(h))
+    }
+
+    /// The neighbour along the only other cut edge at one end of `edge`; of its half-edges one leaves that
+    /// end, one arrives. None at a corner or dead end.
+    ///
+    /// The walk ends at the second other cut edge: all curves through one vertex cost a few turns in all.
+    fn curve_beyond(&self, edge: Half, leaving: Option<Half>, arriving: Option<Half>) -> Option<Vert> {
+        let knot = self.knots.around(self.mesh, edge);
+        if !knot.is_empty() {
+            return self.knot_beyond(
+                edge,
+                if leaving == Some(edge) { self.mesh.from(edge) } else { self.mesh.to(edge) },
+            );
+        }
+        let mut found = None;
+        let mut next = leaving;
+        while let Some(h) = next {
+            next = self.mesh.rotate_ccw(h);
+            if next.is_some() && next == leaving {
+                return found;
+            }
+            if self.is_cut[h.prev()]
+                && found.replace(self.curve_neighbour(h.prev(), self.mesh.opposite(h))?).is_some()
+            {
+                return None;
+            }
+        }
+        let mut next = arriving.map(Half::next);
+        while let Some(h) = next {
+            if self.is_cut[h] && found.replace(self.curve_neighbour(h, self.mesh.to(h))?).is_some() {
+                return None;
+            }
+            next = self.mesh.rotate_cw(h);
+        }
+        found
+    }
+
+    /// The same for an edge of three faces or more, which has no fan of its own: among all fans at `v`.
+    fn knot_beyond(&self, edge: Half, v: Vert) -> Option<Vert> {
+        let ends = [self.mesh.from(edge), self.mesh.to(edge)];
+        let mut found = None;
+        for &h in self.mesh.leaving(v) {
+            for (spoke, neighbour) in [(h, self.mesh.to(h)), (h.prev(), self.mesh.opposite(h))] {
+                let is_new = self.is_cut[spoke] && !ends.contains(&neighbour) && found != Some(neighbour);
+                if is_new && found.replace(neighbour).is_some() {
+                    return None;
+                }
+            }
+        }
+        found
+    }
+
+    /// The neighbour along a cut edge, unless that edge is a knot: no curve of one fan runs on into it.
+    fn curve_neighbour(&self, cut: Half, neighbour: Vert) -> Option<Vert> {
+        self.knots.around(self.mesh, cut).is_empty().then_some(neighbour)
+    }
+
+    fn from(&self, h: Half) -> DVec3 {
+        self.mesh.point(self.mesh.from(h))
+    }
+
+    fn to(&self, h: Half) -> DVec3 {
+        self.mesh.point(self.mesh.to(h))
+    }
+
+    fn opposite(&self, h: Half) -> DVec3 {
+        self.mesh.point(self.mesh.opposite(h))
+    }
+
+    /// The next half-edge round a vertex where a sector is known to go on.
+    fn ccw(&self, h: Half) -> Half {
+        self.mesh.rotate_ccw(h).expect("a sector has no border inside")
+    }
+
+    fn cw(&self, h: Half) -> Half {
+        self.mesh.rotate_cw(h).expect("a sector has no border inside")
+    }
+}
+
+/// How far from the middle of `edge` a surface is expected that has these unit normals at the two ends.
+///
+/// ```text
+///      n \   x   / m      From p the parabola that leaves p at a right angle to n and arrives in q, from q
+///         \  .  /         the one that leaves q at a right angle to m: a quarter of their slopes against
+///          p - q          the edge. The two agree on a sphere; on noise they do not.
+/// ```
+fn expected_by_normals(edge: DVec3, n: DVec3, m: DVec3) -> [DVec3; 2] {
+    let up = (n + m).normalize_or_zero();
+    // A normal that lies flat would promise the moon; its slope ends at that of 78 degrees.
+    let slope = |normal: DVec3| normal.dot(edge) / normal.dot(up).max(0.2);
+    [-0.25 * slope(n) * up, 0.25 * slope(m) * up]
+}
+
+/// The neighbours of an end, summed as they are and times cosine and sine of once and twice their angle.
+///
+/// The angle of spoke j is j times 2π/k at an interior end, j times π/k at a crease end.
+#[derive(Clone, Copy, Debug, Default)]
+struct Harmonics {
+    all: DVec3,
+    cos: [DVec3; 2],
+    sin: [DVec3; 2],
+    /// The neighbour at spoke 0 less that at spoke k.
+    first_less_last: DVec3,
+}
+
+impl Harmonics {
+    /// Adds the neighbour at the angle whose cosine and sine are given.
+    fn add(&mut self, angle: DVec2, neighbour: DVec3) {
+        let twice = angle.rotate(angle);
+        self.all += neighbour;
+        for (i, angle) in [angle, twice].into_iter().enumerate() {
+            self.cos[i] += angle.x * neighbour;
+            self.sin[i] += angle.y * neighbour;
+        }
+    }
+
+    /// The same sums with angles counted from `angle`.
+    fn turned(&self, angle: f64) -> Self {
+        let mut turned = *self;
+        for i in 0..2 {
+            let (sin, cos) = ((i + 1) as f64 * angle).sin_cos();
+            turned.cos[i] = cos * self.cos[i] + sin * self.sin[i];
+            turned.sin[i] = cos * self.sin[i] - sin * self.cos[i];
+        }
+        turned
+    }
+}
+
+/// Where an extraordinary end at `centre` would have the new vertex on the edge to `spoke`. Exact for
+/// linear functions.
+fn wish(end: End, sums: &Harmonics, centre: DVec3, spoke: DVec3) -> DVec3 {
+    match end {
+        End::Interior { k: 0..3 } => centre.midpoint(spoke),
+        // E2. The neighbour at angle a has weight (1/4 + cos a + f cos 2a) / k, a = 2πj/k, f = 1/2, which
+        // is Zorin's (1/4 + cos a + 1/2 cos 2a) / k. For k = 4 the second harmonic is the last one there
+        // is and half as strong, for k = 3 it is the first one again: f = 1/4 and 0 make Zorin's rows
+        // (3/8, 0, -1/8, 0) and (5/12, -1/12, -1/12).
+        End::Interior { k } => {
+            let second = [0.0, 0.25, 0.5][(k - 3).min(2)];
+            0.75 * centre + (0.25 * sums.all + sums.cos[0] + second * sums.cos[1]) / k as f64
+        }
+        // E1, with t = π/k and the edge at spoke i:
+        //   centre                 1 - sin t sin it / (k (1 - cos t))
+        //   neighbour 0 < j < k    (sin it sin jt + 1/2 sin 2it sin 2jt) / k
+        //   neighbours 0 and k     ±(cos(it) / 4 - sin 2t sin 2it / (4k (cos t - cos 2t)))
+        End::Crease { k, i } => {
+            let n = k as f64;
+            let ((sin_t, cos_t), (sin_2t, cos_2t)) = ((PI / n).sin_cos(), (2.0 * PI / n).sin_cos());
+            let ((sin_it, cos_it), sin_2it) =
+                ((i as f64 * PI / n).sin_cos(), (2.0 * i as f64 * PI / n).sin());
+            let at_centre = 1.0 - sin_t * sin_it / (n * (1.0 - cos_t));
+            let at_ends = 0.25 * cos_it - sin_2t * sin_2it / (4.0 * n * (cos_t - cos_2t));
+            at_centre * centre
+                + at_ends * sums.first_less_last
+                + (sin_it * sums.sin[0] + 0.5 * sin_2it * sums.sin[1]) / n
+        }
+    }
+}

@@ -1,0 +1,189 @@
+//! Bends a sharpened mesh: splits every triangle in four, rounds what is smooth and keeps what is sharp.
+//!
+//! ```text
+//!        /\                /\         new vertices leave the middles of their edges: onto a smooth surface
+//!       /  \      ->      o--o        between sharp edges, onto a smooth curve along them
+//!      /    \            / \/ \
+//!     /______\          /__o___\
+//! ```
+//!
+//! Based on: Sharpen&Bend section 4.2; the stencils are in [`stencil`](crate::stencil).
+//! Differs: the papers' plain scheme folds meshes that are full of slivers. Here a new vertex goes only as
+//! far as its neighbourhood vouches for, and retreats towards the middle where faces would turn over (see
+//! [`limit`]). Paper silent.
+//! In/out: `Mesh` + `Tags` -> `Bent`: old vertices first, in their order and where they were, then one
+//! new vertex per edge in the order of [`Mesh::edges`].
+//! Cost: O(F), parallel per edge; rounds of the limiter look only at faces whose vertices moved.
+
+mod limit;
+
+use std::collections::BTreeMap;
+
+use glam::DVec3;
+use rayon::prelude::*;
+
+use crate::mesh::{Half, MAX_FACES, Mesh, MeshError, has_repeated_vertex};
+use crate::refine::{Inserts, Lineage, refine};
+use crate::stencil::{Proposal, Rule, Stencils};
+use crate::tags::Tags;
+
+use limit::Draft;
+
+/// How a mesh is bent.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct BendOptions {
+    /// Whether new vertices are held back where the stencils cannot be trusted. Without, the papers' plain
+    /// scheme runs, which folds slivers.
+    pub is_limited: bool,
+}
+
+impl Default for BendOptions {
+    fn default() -> Self {
+        Self { is_limited: true }
+    }
+}
+
+/// How the new vertices were placed.
+#[derive(Clone, Debug, Default, PartialEq, Eq, serde::Serialize)]
+pub struct BendCounts {
+    /// How many new vertices each rule placed.
+    pub rules: BTreeMap<Rule, usize>,
+    /// Those that went less than half the way, because the two ends of their edge expect different things
+    /// or a surface bent too much for its sampling.
+    pub doubted: usize,
+    /// Those that would have gone farther than [`MAX_SHIFT`].
+    pub shortened: usize,
+    /// Those that retreated because a face would have turned over.
+    pub retreated: usize,
+}
+
+/// A mesh after one level of bending.
+#[derive(Clone, Debug)]
+pub struct Bent {
+    /// The new mesh: four faces for each that names three vertices.
+    pub mesh: Mesh,
+    /// Where its faces come from.
+    pub lineage: Lineage,
+    /// Its sharp edges, two for each before, and its tagged vertices.
+    pub tags: Tags,
+    /// How the new vertices were placed.
+    pub counts: BendCounts,
+}
+
+/// Tells whether a mesh of `n_faces` can be bent `levels` times within `max_faces`; gives the number of
+/// faces that come out.
+///
+/// # Errors
+/// When it is more than `max_faces` or than the index type can count: with the figure.
+pub fn levels_fit(n_faces: usize, levels: u32, max_faces: usize) -> Result<usize, MeshError> {
+    let limit = max_faces.min(MAX_FACES);
+    let count = 4usize.checked_pow(levels).and_then(|n| n.checked_mul(n_faces));
+    match count {
+        Some(count) if count <= limit => Ok(count),
+        _ if n_faces == 0 => Ok(0),
+        _ => Err(MeshError::TooLarge { what: "faces", count: count.unwrap_or(usize::MAX), limit }),
+    }
+}
+
+/// Bends `mesh` by one level. The result does not depend on the number of threads.
+///
+/// # Errors
+/// When the output has more elements than the 32-bit index type can count; before any work.
+pub fn bend(mesh: &Mesh, tags: &Tags, options: &BendOptions) -> Result<Bent, MeshError> {
+    levels_fit(mesh.n_faces(), 1, MAX_FACES)?;
+    // A face that names a vertex twice has no surface to bend; split, it would knot its neighbours.
+    let is_split = |h: Half| !has_repeated_vertex(&mesh.corners(h.face()));
+    let mut inserts = Inserts::in_the_middle(mesh, is_split, &[]);
+    let edges = edges_of_new_vertices(mesh, &inserts);
+
+    let stencils = Stencils::new(mesh, tags);
+    let proposals: Vec<Proposal> = edges.par_iter().map(|&h| stencils.place(h)).collect();
+    let mut counts = BendCounts::default();
+    for proposal in &proposals {
+        *counts.rules.entry(proposal.rule).or_default() += 1;
+    }
+    if options.is_limited {
+        let shift = |(&h, proposal)| vouched_shift(mesh, h, proposal);
+        let shifts: Vec<_> = edges.par_iter().zip(&proposals).map(shift).collect();
+        counts.doubted = shifts.iter().filter(|shift| shift.is_doubted).count();
+        counts.shortened = shifts.iter().filter(|shift| shift.is_shortened).count();
+        let shifts = shifts.into_iter().map(|shift| shift.vector).collect();
+        let mut draft = Draft::new(mesh, &stencils, &inserts, &edges, shifts);
+        counts.retreated = draft.retreat();
+        inserts.points = draft.into_points();
+    } else {
+        inserts.points = proposals.into_iter().map(|proposal| proposal.point).collect();
+    }
+    drop(stencils);
+
+    let tags = tags_of_children(mesh, tags, &inserts);
+    let refined = refine(mesh, &inserts)?;
+    Ok(Bent { mesh: refined.mesh, lineage: refined.lineage, tags, counts })
+}
+
+/// For each new vertex the lowest half-edge that it is on.
+fn edges_of_new_vertices(mesh: &Mesh, inserts: &Inserts) -> Vec<Half> {
+    let mut edges = vec![Half::NONE; inserts.points.len()];
+    for h in mesh.halves().filter(|&h| inserts.on_edge[h].is_some()) {
+        let edge = &mut edges[inserts.on_edge[h].index() - mesh.n_verts()];
+        *edge = h.min(*edge);
+    }
+    edges
+}
+
+/// Both halves of a sharp edge are sharp.
+fn tags_of_children(mesh: &Mesh, tags: &Tags, inserts: &Inserts) -> Tags {
+    let is_sharp = tags.sharp_halves(mesh);
+    let split = mesh.edges().filter(|&h| is_sharp[h] && inserts.on_edge[h].is_some());
+    let halves = split.flat_map(|h| {
+        let middle = inserts.on_edge[h];
+        [[mesh.from(h), middle], [middle, mesh.to(h)]]
+    });
+    Tags::new(halves, tags.tagged().iter().copied())
+}
+
+/// A new vertex goes no farther from the middle of its edge than this many times its length.
+///
+/// A circle of eight edges asks for 0.088, a surface that turns by 45 degrees from end to end for 0.098:
+/// coarser sampling than that shows no curvature. Measured on 31 inputs: 0.25 makes 1.5 % more L2 error on
+/// flat faces beside defects and 1 % less on cylinders, 0.05 costs cylinders 8 %.
+pub const MAX_SHIFT: f64 = 0.1;
+
+/// Below this many times the edge's length a displacement is rounding, and nothing to have doubts about.
+const ROUNDING: f64 = 1e-6;
+
+/// How far a new vertex goes from the middle of its edge before faces have a say.
+struct Shift {
+    vector: DVec3,
+    is_doubted: bool,
+    is_shortened: bool,
+}
+
+/// Scales what the stencil proposes by what the neighbourhood vouches for.
+///
+/// Let a and b be the displacements that the two ends expect. On a smooth surface or curve they agree, on
+/// noise and beside defects they do not, and the trust |a + b|² / (2 (|a|² + |b|²)) is 1 where they are
+/// equal, 1/2 where one is zero and 0 where they are opposite: the square of the mean against itself plus
+/// the variance, Wiener's factor. Where they agree on more than [`MAX_SHIFT`], the surface turns too much
+/// from vertex to vertex to be smooth, and the trust falls off with the square.
+///
+/// Rejected: the disagreement between the stencils of the two ends (they are exact for linear functions
+/// only: slivers on a sphere look like noise); a limit of the length alone (cannot tell curvature from
+/// noise: both are 0.01 to 0.02 edges here).
+fn vouched_shift(mesh: &Mesh, h: Half, proposal: &Proposal) -> Shift {
+    let (from, to) = (mesh.point(mesh.from(h)), mesh.point(mesh.to(h)));
+    let length = from.distance(to);
+    let [a, b] = proposal.expected;
+    let rounding = (ROUNDING * length).powi(2);
+    let squares = 2.0 * (a.length_squared() + b.length_squared());
+    let mut trust = ((a + b).length_squared() + rounding) / (squares + rounding);
+    let steepest = a.length().max(b.length());
+    if steepest > MAX_SHIFT * length {
+        trust *= (MAX_SHIFT * length / steepest).powi(2);
+    }
+    let wanted = trust * (proposal.point - from.midpoint(to));
+    let is_shortened = wanted.length() > MAX_SHIFT * length;
+    let vector = if is_shortened { wanted.clamp_length_max(MAX_SHIFT * length) } else { wanted };
+    let vector = if vector.is_finite() { vector } else { DVec3::ZERO };
+    Shift { vector, is_doubted: trust < 0.5, is_shortened }
+}
