@@ -13,6 +13,7 @@ import argparse
 import sys
 from pathlib import Path
 
+import igl
 import numpy as np
 import pyvista
 from vtkmodules.vtkCommonCore import vtkLogger
@@ -140,31 +141,53 @@ def face_errors(mesh, original):
 
 
 def worst_places(mesh, original, count):
-    """Return the count places on the original farthest from the mesh, or the other way.
+    """Return the places [n, 3] on one surface that are farthest from the other.
 
-    Returns points [n, 3] and the original's normals there; a place hides what
-    lies within APART of it.
+    A place hides what lies within APART of it.
     """
-    points, distances, normals = [], [], []
-    original_normals = meshes.face_normals(*original)
+    points, distances = [], []
     for source, target in ((original, mesh), (mesh, original)):
-        sample, face = measure.sample_faces(*source, measure.SAMPLES // 4)
+        sample, _ = measure.sample_faces(*source, measure.SAMPLES // 4)
         # Corners and spikes are the worst places, and no sample hits them.
-        corner = source[1].ravel()
-        sample = np.concatenate([sample, source[0][corner]])
-        face = np.concatenate([face, np.repeat(np.arange(len(source[1])), 3)])
-        distance, hit = measure.nearest(sample, *target)
-        points.append(sample)
-        distances.append(distance)
-        normals.append(original_normals[face if source is original else hit])
-    points, distances, normals = map(np.concatenate, (points, distances, normals))
+        points += [sample, source[0][np.unique(source[1])]]
+        distances += [measure.nearest(p, *target)[0] for p in points[-2:]]
+    points, distances = np.concatenate(points), np.concatenate(distances)
     order = np.argsort(-distances, kind="stable")
     reach = APART / 100 * meshes.diagonal(original[0])
     chosen = []
     while len(chosen) < count and len(order):
         chosen.append(order[0])
         order = order[np.linalg.norm(points[order] - points[order[0]], axis=1) > reach]
-    return points[chosen], normals[chosen]
+    return points[chosen]
+
+
+def clear_view(place, original, reach):
+    """Return the direction from which a place is seen best: unhidden, nearly head-on.
+
+    Head-on is against the mean normal of the original within reach of the place.
+    """
+    vertices, faces = original
+    samples, face = measure.sample_faces(vertices, faces, measure.SAMPLES // 4)
+    close = np.linalg.norm(samples - place, axis=1) < reach
+    mean = meshes.face_normals(vertices, faces)[face[close]].sum(axis=0)
+    # Seen exactly head-on, steps in depth would not show.
+    mean = meshes.normalized(mean[None])[0] + 0.3 * view_direction(-50, 30)
+    directions = sphere_directions(200)
+    directions = directions[np.argsort(-(directions @ mean), kind="stable")]
+    # Rays start off the surface, or they would hit it at once.
+    start = place + 0.2 * reach * meshes.normalized(mean[None])[0]
+    for direction in directions:
+        if not igl.ray_mesh_intersect(start, direction, vertices, faces):
+            return direction
+    return directions[0]
+
+
+def sphere_directions(count):
+    """Return unit vectors spread evenly over the sphere, on a spiral [count, 3]."""
+    z = 1 - (2 * np.arange(count) + 1) / count
+    turn = np.pi * (1 + 5**0.5) * np.arange(count)
+    radius = np.sqrt(1 - z**2)
+    return np.column_stack([radius * np.cos(turn), radius * np.sin(turn), z])
 
 
 def view_direction(azimuth, elevation):
@@ -195,10 +218,10 @@ class Panel:
     def draw(self, plotter, edges, limit):
         """Add the panel's mesh to the plotter's current view."""
         data = poly_data(*self.mesh)
-        style = {"show_edges": edges, "edge_color": "#404040", "line_width": 1, "ambient": 0.3}
+        style = {"show_edges": edges, "edge_color": "#404040", "line_width": 1, "ambient": 0.15}
         if self.errors is not None:
             data.cell_data["distance, % of the diagonal"] = self.errors
-            style |= {"cmap": "viridis", "clim": (0, limit)}
+            style |= {"cmap": "YlOrRd", "clim": (0, limit)}
             style["scalar_bar_args"] = {"color": "black", "fmt": "%.2g"}
         elif self.face_colours is not None:
             data.cell_data["colour"] = self.face_colours
@@ -256,13 +279,10 @@ def make_views(options, panels, original):
     diagonal = meshes.diagonal(frame[0])
     direction = view_direction(*options.view)
     if options.worst:
-        places, normals = worst_places(panels[-1].mesh, original, options.worst)
-        # Seen straight on, steps in depth would not show.
-        tilted = meshes.normalized(normals + 0.7 * direction)
         width = options.width / 100 * diagonal
         return [
-            (f"({x:.4g} {y:.4g} {z:.4g})", np.array([x, y, z]), towards, width)
-            for (x, y, z), towards in zip(places, tilted)
+            (f"({p[0]:.4g} {p[1]:.4g} {p[2]:.4g})", p, clear_view(p, original, width / 4), width)
+            for p in worst_places(panels[-1].mesh, original, options.worst)
         ]
     if options.zoom:
         return [("", np.array(options.zoom), direction, options.width / 100 * diagonal)]

@@ -105,12 +105,21 @@ def test_the_worst_place_is_the_missing_corner(cube):
     vertices, faces = cube
     dented = vertices.copy()
     dented[7] -= 0.3
-    places, normals = figures.worst_places((dented, faces), cube, 2)
+    places = figures.worst_places((dented, faces), cube, 2)
     # The missing corner, or the dent's bottom, which is as far from the cube.
     distances = np.linalg.norm(places[0] - np.array([[1, 1, 1], [0.7, 0.7, 0.7]]), axis=1)
     assert distances.min() < 1e-9
     assert np.linalg.norm(places[0] - places[1]) > 0.05 * 3**0.5
-    assert np.linalg.norm(normals, axis=1) == pytest.approx(1)
+
+
+def test_a_place_in_a_blind_hole_is_seen_through_its_mouth():
+    # A box without a lid, open upwards, seen from the middle of its floor.
+    corners = np.array([(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)], float)
+    quads = [(0, 4, 6, 2), (0, 1, 5, 4), (6, 7, 3, 2), (2, 3, 1, 0), (4, 5, 7, 6)]
+    faces = np.array([f for a, b, c, d in quads for f in ((a, b, c), (a, c, d))])
+    direction = figures.clear_view(np.array([0.5, 0.5, 0.0]), (corners, faces), 0.2)
+    # The mouth's rim is seen at an angle of at least 45 degrees.
+    assert direction[2] > 0.5**0.5
 
 
 def test_face_errors_are_percentages_of_the_diagonal(plane):
