@@ -157,24 +157,37 @@ fn filter_1_interior_of_smooth_region(mesh: &Mesh, border_is_smooth: bool, label
 
 /// Paints red each face with a red vertex.
 fn filter_2_core_of_smooth_region(mesh: &Mesh, labels: &mut Labels) {
-    let is_core = |corners: &[Vert; 3]| corners.iter().any(|&v| labels.interior_vertex[v]);
-    labels.core_face = mesh.faces().iter().map(is_core).collect::<Vec<_>>().into();
+    labels.core_face = core_faces(mesh, &labels.interior_vertex);
 }
 
-/// Paints red, again and again, each face next to a red one across a smooth edge. By an explicit stack:
-/// a region can be as large as the mesh.
+/// The faces with a vertex in the interior of a smooth region. `[F]`
+pub(crate) fn core_faces(mesh: &Mesh, interior_vertex: &PerVert<bool>) -> PerFace<bool> {
+    let is_core = |corners: &[Vert; 3]| corners.iter().any(|&v| interior_vertex[v]);
+    mesh.faces().iter().map(is_core).collect::<Vec<_>>().into()
+}
+
+/// Paints red, again and again, each face next to a red one across a smooth edge.
 fn filter_3_flood_over_smooth_edges(mesh: &Mesh, labels: &mut Labels) {
-    let mut red = labels.core_face.clone();
+    labels.red_face = flood_over_smooth_edges(mesh, &labels.smooth_edge, labels.core_face.clone());
+}
+
+/// The faces that can be reached from those in `red` across smooth edges. By an explicit stack: a region
+/// can be as large as the mesh. `[F]`
+pub(crate) fn flood_over_smooth_edges(
+    mesh: &Mesh,
+    smooth_edge: &PerHalf<bool>,
+    mut red: PerFace<bool>,
+) -> PerFace<bool> {
     let mut stack: Vec<Face> = mesh.face_ids().filter(|&f| red[f]).collect();
     while let Some(f) = stack.pop() {
-        for h in f.halves().into_iter().filter(|&h| labels.smooth_edge[h]) {
+        for h in f.halves().into_iter().filter(|&h| smooth_edge[h]) {
             if let Some(g) = mesh.twin(h).map(Half::face).filter(|&g| !red[g]) {
                 red[g] = true;
                 stack.push(g);
             }
         }
     }
-    labels.red_face = red;
+    red
 }
 
 /// Tags the ends of each non-smooth edge between two red faces, and each vertex whose red faces form

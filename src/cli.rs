@@ -1,13 +1,15 @@
 //! The command line: degrees become radians here, once.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use clap::error::ErrorKind;
 use clap::{CommandFactory, Parser};
 use globset::{GlobBuilder, GlobMatcher};
 use sharpen::classify::SmoothThreshold;
-use sharpen::{Method, Options};
+use sharpen::error::Error;
+use sharpen::weld::Weld;
+use sharpen::{Method, Options, io};
 
 /// Gives a triangle mesh back the sharp edges and corners that sampling took away.
 ///
@@ -17,10 +19,12 @@ use sharpen::{Method, Options};
 #[derive(Parser, Clone, Debug)]
 #[command(version, after_help = EXIT_STATUS, after_long_help = format!("{FOLDERS}\n\n{EXIT_STATUS}"))]
 pub struct Arguments {
-    /// The mesh to sharpen (OBJ), or a folder of meshes.
+    /// The mesh to sharpen: OBJ, PLY, STL or OFF; `-` for standard input (with --format). Or a folder of
+    /// meshes.
     pub input: PathBuf,
 
-    /// Where the sharpened mesh goes; may be the input. For a folder, a folder; may not be the input.
+    /// Where the sharpened mesh goes, in any of these formats; may be the input. For a folder, a folder,
+    /// which may not be the input.
     pub output: PathBuf,
 
     /// Run the papers' algorithm to the letter.
@@ -39,6 +43,15 @@ pub struct Arguments {
     /// [default: 1.5; with --paper no created edge may be longer than the longest one of the input].
     #[arg(long, value_name = "TIMES", value_parser = positive_or_zero)]
     pub max_shift: Option<f64>,
+
+    /// Which vertices of the file count as one: none, exact (those with equal coordinates), or those
+    /// within a distance. The output keeps the file's own vertices.
+    #[arg(long, value_name = "none|exact|DISTANCE", default_value = "exact")]
+    pub weld: Weld,
+
+    /// Format of files whose name does not tell it, such as `-`, standard input and output.
+    #[arg(long, value_name = "FORMAT", value_parser = io::Format::NAMES)]
+    pub format: Option<String>,
 
     /// Also write the input mesh painted as in the papers' figures: red smooth regions, green corner
     /// triangles, blue chamfer edges, brown smooth edges.
@@ -143,6 +156,15 @@ fn degrees(word: &str) -> Result<f64, String> {
 }
 
 impl Arguments {
+    /// The format of a file by its name, else by `--format`.
+    pub fn format_of(&self, path: &Path) -> Result<io::Format, Error> {
+        let named = self.format.as_deref().and_then(io::Format::by_name);
+        match (io::Format::of(path), named) {
+            (Ok(format), _) | (Err(_), Some(format)) => Ok(format),
+            (Err(error), None) => Err(error),
+        }
+    }
+
     /// What the library is asked to do.
     pub fn options(&self) -> Options {
         let defaults = Options::default();

@@ -1,10 +1,11 @@
 //! A mesh under local edits: collapses and flips near the inserted vertices.
 //!
-//! Nothing is copied per vertex until it is touched: the faces round a vertex come from the mesh's fans
-//! until an edit changes them. Faces keep their index while edits go on; [`Edit::finish`] compacts.
+//! The faces round the vertices near inserted ones are gathered beforehand; a list of its own is made for
+//! a vertex only when an edit changes it. Faces keep their index while edits go on; [`Edit::finish`]
+//! compacts.
 //!
 //! In/out: borrows a [`Refined`] mesh, gives back a compacted one with its lineage.
-//! Cost: O(V) to set up and to finish, O(valence) per query and edit.
+//! Cost: O(V + F) in few passes to set up and to finish, O(valence) per query and edit.
 
 use glam::DVec3;
 
@@ -13,18 +14,23 @@ use crate::refine::{Inserts, Lineage, Place, Refined};
 
 /// A face that an edit removed.
 const DEAD: [Vert; 3] = [Vert::NONE; 3];
-/// A vertex whose faces are still those of the mesh.
-const UNTOUCHED: u32 = u32::MAX;
+/// The faces of a vertex that is not near an inserted one come from the mesh's fans.
+const REMOTE: u32 = u32::MAX;
+/// Where the slots of touched vertices begin: those below are slots of [`Nearby`].
+const TOUCHED: u32 = 1 << 31;
 
 /// The mesh under edit.
 pub(crate) struct Edit<'m> {
     refined: &'m Refined,
     /// Vertices below this index are old ones, the others were inserted.
     n_old: usize,
-    points: PerVert<DVec3>,
+    /// Positions of the inserted vertices: old ones stay where they are.
+    points: Vec<DVec3>,
     faces: PerFace<[Vert; 3]>,
-    /// For each vertex its list in `around`, or `UNTOUCHED`.
-    list_of: PerVert<u32>,
+    /// For each vertex where its faces are listed: `REMOTE`, a slot of `nearby`, or `TOUCHED` and more
+    /// for a slot of `around`.
+    slot: PerVert<u32>,
+    nearby: Nearby,
     around: Vec<Vec<Face>>,
     /// For each vertex the one that it was collapsed into. `NONE` while it stands.
     into: PerVert<Vert>,
@@ -43,12 +49,14 @@ pub(crate) struct Edited {
 impl<'m> Edit<'m> {
     pub(crate) fn new(refined: &'m Refined, n_old: usize) -> Self {
         let mesh = &refined.mesh;
+        let (slot, nearby) = Nearby::gather(mesh, n_old);
         Self {
             refined,
             n_old,
-            points: mesh.points().to_vec().into(),
+            points: mesh.points()[n_old..].to_vec(),
             faces: mesh.faces().to_vec().into(),
-            list_of: PerVert::filled(mesh.n_verts(), UNTOUCHED),
+            slot,
+            nearby,
             around: Vec::new(),
             into: PerVert::filled(mesh.n_verts(), Vert::NONE),
         }
@@ -59,11 +67,15 @@ impl<'m> Edit<'m> {
     }
 
     pub(crate) fn point(&self, v: Vert) -> DVec3 {
-        self.points[v]
+        match v.index().checked_sub(self.n_old) {
+            Some(i) => self.points[i],
+            None => self.refined.mesh.point(v),
+        }
     }
 
+    /// Moves an inserted vertex.
     pub(crate) fn move_to(&mut self, v: Vert, point: DVec3) {
-        self.points[v] = point;
+        self.points[v.index() - self.n_old] = point;
     }
 
     /// The corners of a face that stands.
@@ -72,7 +84,7 @@ impl<'m> Edit<'m> {
     }
 
     pub(crate) fn triangle(&self, f: Face) -> [DVec3; 3] {
-        self.faces[f].map(|v| self.points[v])
+        self.faces[f].map(|v| self.point(v))
     }
 
     pub(crate) fn stands(&self, f: Face) -> bool {
@@ -85,11 +97,12 @@ impl<'m> Edit<'m> {
 
     /// The faces round `v`, in no particular but a reproducible order.
     pub(crate) fn faces_at(&self, v: Vert) -> impl Iterator<Item = Face> + Clone + '_ {
-        let (touched, untouched): (&[Face], &[Half]) = match self.list_of[v] {
-            UNTOUCHED => (&[], self.refined.mesh.leaving(v)),
-            list => (&self.around[list as usize], &[]),
+        let (listed, remote): (&[Face], &[Half]) = match self.slot[v] {
+            REMOTE => (&[], self.refined.mesh.leaving(v)),
+            slot if slot >= TOUCHED => (&self.around[(slot - TOUCHED) as usize], &[]),
+            slot => (self.nearby.faces(slot), &[]),
         };
-        touched.iter().copied().chain(untouched.iter().map(|h| h.face()))
+        listed.iter().copied().chain(remote.iter().map(|h| h.face()))
     }
 
     pub(crate) fn has_corner(&self, f: Face, v: Vert) -> bool {
@@ -196,11 +209,12 @@ impl<'m> Edit<'m> {
 
     /// The faces round `v`, as a list of its own.
     fn list(&mut self, v: Vert) -> &mut Vec<Face> {
-        if self.list_of[v] == UNTOUCHED {
-            self.list_of[v] = self.around.len() as u32;
-            self.around.push(self.refined.mesh.leaving(v).iter().map(|h| h.face()).collect());
+        if self.slot[v] == REMOTE || self.slot[v] < TOUCHED {
+            let faces = self.faces_at(v).collect();
+            self.slot[v] = TOUCHED + self.around.len() as u32;
+            self.around.push(faces);
         }
-        &mut self.around[self.list_of[v] as usize]
+        &mut self.around[(self.slot[v] - TOUCHED) as usize]
     }
 
     /// Compacts the mesh: faces keep their order, an old vertex keeps its index, and the last inserted
@@ -211,21 +225,22 @@ impl<'m> Edit<'m> {
     /// Never, in fact: the mesh has fewer elements than before.
     pub(crate) fn finish(self, before: &Mesh, inserts: &Inserts) -> Result<Edited, MeshError> {
         let (now, replaced, points) = self.compact_verts();
+        let Refined { mesh, lineage: Lineage { parents: old_parents, corners: old_places, .. }, .. } =
+            self.refined;
         let mut faces = Vec::with_capacity(self.faces.len());
         let mut lineage = Lineage::default();
         let mut parents = Vec::with_capacity(self.faces.len());
         let mut places = Vec::with_capacity(3 * self.faces.len());
-        for f in self.refined.mesh.face_ids().filter(|&f| self.stands(f)) {
-            let parent = self.refined.lineage.parents[f];
-            let corners = self.corners(f);
+        for f in mesh.face_ids().filter(|&f| self.stands(f)) {
+            let (parent, corners) = (old_parents[f], self.corners(f));
             for (i, v) in corners.into_iter().enumerate() {
-                let place = if v == self.refined.mesh.corners(f)[i] {
-                    self.refined.lineage.corners[f.half(i)]
+                let place = if v == mesh.corners(f)[i] {
+                    old_places[f.half(i)]
                 } else {
                     place_in(before, inserts, parent, v)
                 };
                 if place == Place::Foreign {
-                    let weights = barycentric(before.triangle(parent), self.points[v]);
+                    let weights = barycentric(before.triangle(parent), self.point(v));
                     lineage.foreign.push((Half::new(places.len()), weights));
                 }
                 places.push(place);
@@ -242,24 +257,24 @@ impl<'m> Edit<'m> {
 
     /// New indices `[V]`, the old vertices that are gone, and the points in their new order.
     fn compact_verts(&self) -> (PerVert<Vert>, Vec<Vert>, Vec<DVec3>) {
-        let n_verts = self.points.len();
+        let n_verts = self.refined.mesh.n_verts();
         let stands = |v: &Vert| self.vert_stands(*v);
         let gone_old: Vec<Vert> = (0..self.n_old).map(Vert::new).filter(|v| !stands(v)).collect();
         let mut inserted: Vec<Vert> = (self.n_old..n_verts).map(Vert::new).filter(stands).collect();
         let movers = inserted.split_off(inserted.len().saturating_sub(gone_old.len()));
 
         let mut now = PerVert::filled(n_verts, Vert::NONE);
-        let mut points = self.points.as_slice()[..self.n_old].to_vec();
+        let mut points = self.refined.mesh.points()[..self.n_old].to_vec();
         for v in (0..self.n_old).map(Vert::new).filter(stands) {
             now[v] = v;
         }
         for (&slot, &v) in gone_old.iter().zip(&movers) {
             now[v] = slot;
-            points[slot.index()] = self.points[v];
+            points[slot.index()] = self.point(v);
         }
         for v in inserted {
             now[v] = Vert::new(points.len());
-            points.push(self.points[v]);
+            points.push(self.point(v));
         }
         for v in (0..n_verts).map(Vert::new).filter(|v| !stands(v)) {
             let mut kept = v;
@@ -269,6 +284,58 @@ impl<'m> Edit<'m> {
             now[v] = now[kept];
         }
         (now, gone_old, points)
+    }
+}
+
+/// The faces round every vertex that edits are likely to ask for, gathered in three passes over the faces
+/// instead of from the fans of the whole mesh: the corners of faces that share a vertex with a face that
+/// owns an inserted vertex.
+struct Nearby {
+    starts: Vec<u32>,
+    faces: Vec<Face>,
+}
+
+impl Nearby {
+    /// The slot of each vertex, `REMOTE` for all others, and the faces by slot.
+    fn gather(mesh: &Mesh, n_old: usize) -> (PerVert<u32>, Self) {
+        let mut near = PerVert::filled(mesh.n_verts(), false);
+        let owns_inserted = |t: &&[Vert; 3]| t.iter().any(|v| v.index() >= n_old);
+        mesh.faces().iter().filter(owns_inserted).flatten().for_each(|&v| near[v] = true);
+
+        let mut slot = PerVert::filled(mesh.n_verts(), REMOTE);
+        let mut counts: Vec<u32> = Vec::new();
+        for &v in mesh.faces().iter().filter(|t| t.iter().any(|&v| near[v])).flatten() {
+            if slot[v] == REMOTE {
+                slot[v] = counts.len() as u32;
+                counts.push(0);
+            }
+        }
+        // A face counts once at a vertex, also where it names it twice.
+        let each = |t: &[Vert; 3], then: &mut dyn FnMut(u32)| {
+            for i in (0..3).filter(|&i| slot[t[i]] != REMOTE && !t[..i].contains(&t[i])) {
+                then(slot[t[i]]);
+            }
+        };
+        mesh.faces().iter().for_each(|t| each(t, &mut |slot| counts[slot as usize] += 1));
+        let mut starts = vec![0];
+        starts.extend(counts.iter().scan(0, |sum, &n| {
+            *sum += n;
+            Some(*sum)
+        }));
+        let mut next = starts.clone();
+        let mut faces = vec![Face::NONE; starts[counts.len()] as usize];
+        for (f, t) in mesh.face_ids().zip(mesh.faces()) {
+            each(t, &mut |slot| {
+                faces[next[slot as usize] as usize] = f;
+                next[slot as usize] += 1;
+            });
+        }
+        (slot, Self { starts, faces })
+    }
+
+    fn faces(&self, slot: u32) -> &[Face] {
+        let slot = slot as usize;
+        &self.faces[self.starts[slot] as usize..self.starts[slot + 1] as usize]
     }
 }
 

@@ -38,24 +38,23 @@ pub mod io;
 pub mod mesh;
 pub mod options;
 pub mod paint;
+mod pipeline;
 pub mod place;
 pub mod refine;
+pub mod regions;
 pub mod report;
 pub mod tags;
-#[expect(dead_code, reason = "the region fits will call it")]
-mod untangle;
+pub mod untangle;
+pub mod weld;
 
 pub use mesh::{Mesh, MeshError};
 pub use options::{Method, Options};
 pub use report::Report;
 
-use classify::{Labels, classify};
-use collapse::collapse_degenerate_faces;
-use edit::Edit;
-use mesh::{Face, PerVert, Vert};
-use place::{Outcome, Placement, place};
-use refine::{Lineage, Refined, refine};
-use report::{Found, Seconds, Size};
+use attributes::Attributes;
+use classify::Labels;
+use refine::{Lineage, refine};
+use report::{Found, LeftAlone, Seconds, Size};
 use tags::Tags;
 
 /// What [`sharpen`] gives back.
@@ -65,8 +64,6 @@ pub struct Sharpened {
     pub mesh: Mesh,
     /// Its sharp edges and tagged vertices.
     pub tags: Tags,
-    /// Where its faces come from, stage by stage; empty when nothing changed.
-    pub lineage: Vec<Lineage>,
     /// The colours of the *input* mesh, where [`Options::keep_labels`] asked for them.
     pub labels: Option<Labels>,
     /// What was found and done.
@@ -89,86 +86,78 @@ pub struct Sharpened {
 /// # Errors
 /// When the output has more elements than the 32-bit index type can count.
 pub fn sharpen(mesh: &Mesh, options: &Options) -> Result<Sharpened, MeshError> {
-    let mut seconds = Seconds::default();
-    let normals = seconds.time("normals", || mesh.face_normals());
-    let labels = seconds.time("classify", || classify(mesh, &normals, &options.classify_options()));
-    let placement = seconds.time("place", || place(mesh, &normals, &labels, &options.place_rules()));
-    drop(normals);
+    sharpen_observed(mesh, options, |_| ())
+}
 
+/// [`sharpen`] that also carries along what a file says about the mesh beyond points and faces. What could
+/// not be carried is named, one line each.
+///
+/// # Errors
+/// As [`sharpen`].
+pub fn sharpen_with_attributes(
+    mesh: &Mesh,
+    mut attributes: Attributes,
+    options: &Options,
+) -> Result<(Sharpened, Attributes, Vec<String>), MeshError> {
+    let mut notices = Vec::new();
+    let sharpened = sharpen_observed(mesh, options, |Rebuild { old, new, lineage, tags }| {
+        let (carried, lost) = std::mem::take(&mut attributes).carry(lineage, old, new, tags.sharp_edges());
+        attributes = carried;
+        notices.extend(lost);
+    })?;
+    Ok((sharpened, attributes, notices))
+}
+
+/// One rebuild of the mesh, for those who carry something along.
+#[derive(Clone, Copy, Debug)]
+pub struct Rebuild<'a> {
+    /// The mesh before: at the first rebuild the input.
+    pub old: &'a Mesh,
+    /// The mesh after.
+    pub new: &'a Mesh,
+    /// Where the new faces and corners come from.
+    pub lineage: &'a Lineage,
+    /// What is sharp in the new mesh.
+    pub tags: &'a Tags,
+}
+
+/// [`sharpen`] that calls `on_rebuild` after each rebuild of the mesh; never, when nothing changes.
+///
+/// # Errors
+/// As [`sharpen`].
+pub fn sharpen_observed(
+    mesh: &Mesh,
+    options: &Options,
+    mut on_rebuild: impl FnMut(Rebuild<'_>),
+) -> Result<Sharpened, MeshError> {
+    let mut seconds = Seconds::default();
+    let chamfers = pipeline::find(mesh, options, &mut seconds);
+    let inserts = &chamfers.placement.inserts;
     let mut report = Report {
         method: options.method,
         input: Size::of(mesh),
-        found: Found::of(mesh, &labels),
-        changed: !placement.inserts.is_empty(),
+        left_alone: LeftAlone::of(mesh),
+        found: Found::of(mesh, &chamfers.labels),
+        unfit: chamfers.unfit.clone(),
+        changed: !inserts.is_empty(),
+        moved_vertices: inserts.moved.len(),
         ..Report::default()
     };
-    for &outcome in &placement.outcomes {
+    for &outcome in &chamfers.placement.outcomes {
         *report.inserted.entry(outcome).or_default() += 1;
     }
 
-    let refined = seconds.time("refine", || refine(mesh, &placement.inserts))?;
-    let cleaned = seconds.time("collapse", || clean(mesh, &refined, &placement, &mut report))?;
-    let tags = seconds.time("tags", || find_tags(mesh, &labels, &cleaned, options.method));
+    let refined = seconds.time("refine", || refine(mesh, inserts))?;
+    let cleaned = seconds.time("clean", || pipeline::clean(mesh, &refined, &chamfers, &mut report))?;
+    let tags = seconds.time("tags", || pipeline::find_tags(mesh, &chamfers, &cleaned, options.method));
+    drop(refined);
+    if report.changed {
+        on_rebuild(Rebuild { old: mesh, new: &cleaned.mesh, lineage: &cleaned.lineage, tags: &tags });
+    }
 
     report.output = Size::of(&cleaned.mesh);
     report.sharp_edges = tags.sharp_edges().len();
     report.seconds = seconds;
-    let lineage = if report.changed { vec![cleaned.lineage] } else { Vec::new() };
-    let labels = options.keep_labels.then_some(labels);
-    Ok(Sharpened { mesh: cleaned.mesh, tags, lineage, labels, report })
-}
-
-/// A sharpened mesh without its degenerate faces.
-struct Cleaned {
-    mesh: Mesh,
-    lineage: Lineage,
-    /// The edges that subdivision created at inserted vertices, before cleaning.
-    created: Vec<[Vert; 2]>,
-    /// For each vertex before cleaning what it is now.
-    now: PerVert<Vert>,
-}
-
-/// Removes the degenerate faces of `refined` that own an inserted vertex.
-fn clean(
-    mesh: &Mesh,
-    refined: &Refined,
-    placement: &Placement,
-    report: &mut Report,
-) -> Result<Cleaned, MeshError> {
-    let n_old = mesh.n_verts();
-    let is_inserted = |v: &Vert| v.index() >= n_old;
-    let owns_inserted = |f: &Face| refined.mesh.corners(*f).iter().any(is_inserted);
-    let faces: Vec<Face> = refined.mesh.face_ids().filter(owns_inserted).collect();
-    let edges = |f: &Face| f.halves().map(|h| [refined.mesh.from(h), refined.mesh.to(h)]);
-    let at_inserted = |edge: &[Vert; 2]| edge.iter().any(is_inserted);
-    let created = faces.iter().flat_map(edges).filter(at_inserted).collect();
-
-    let mut edit = Edit::new(refined, n_old);
-    let is_moved = |v: Vert| placement.outcomes[v.index() - n_old] == Outcome::Moved;
-    report.degenerate_faces = collapse_degenerate_faces(&mut edit, &faces, is_moved);
-    let edited = edit.finish(mesh, &placement.inserts)?;
-    report.replaced_vertices = edited.replaced.iter().map(|v| v.index()).collect();
-    Ok(Cleaned { mesh: edited.mesh, lineage: edited.lineage, created, now: edited.now })
-}
-
-/// Finds the sharp edges of the cleaned mesh. Inserted vertices are tagged, and those that filter 3bis
-/// tagged in the input `mesh`.
-fn find_tags(mesh: &Mesh, labels: &Labels, cleaned: &Cleaned, method: Method) -> Tags {
-    let n_old = mesh.n_verts();
-    let is_tagged = |v: &Vert| v.index() >= n_old || labels.tagged_vertex[*v];
-    let now = |edge: [Vert; 2]| edge.map(|v| cleaned.now[v]);
-    match method {
-        Method::Paper => {
-            let mut tagged = PerVert::filled(cleaned.mesh.n_verts(), false);
-            for v in (0..cleaned.now.len()).map(Vert::new).filter(is_tagged) {
-                tagged[cleaned.now[v]] = true;
-            }
-            Tags::between_tagged(&cleaned.mesh, &tagged)
-        }
-        Method::Filters => {
-            let old = mesh.edges().filter(|&h| labels.sharp_edge[h]).map(|h| [mesh.from(h), mesh.to(h)]);
-            let created = cleaned.created.iter().copied().filter(|edge| edge.iter().all(is_tagged));
-            Tags::where_bent(&cleaned.mesh, old.chain(created).map(now))
-        }
-    }
+    let labels = options.keep_labels.then_some(chamfers.labels);
+    Ok(Sharpened { mesh: cleaned.mesh, tags, labels, report })
 }

@@ -269,33 +269,38 @@ pub struct EdgeDefects {
 pub struct Mesh {
     points: PerVert<DVec3>,
     faces: PerFace<[Vert; 3]>,
-    twins: PerHalf<Half>,
-    defects: EdgeDefects,
+    twins: OnceLock<Twins>,
     fans: OnceLock<Fans>,
+}
+
+/// The twin of each half-edge, and what stood in the way of others.
+#[derive(Clone, Debug, PartialEq)]
+struct Twins {
+    of: PerHalf<Half>,
+    defects: EdgeDefects,
 }
 
 impl Mesh {
     /// Builds a mesh from `points` `[V]` and `faces` `[F]` (corners counter-clockwise from outside).
     ///
-    /// Cost: O(F log k), k the largest number of edges at one vertex; 8 bytes per half-edge for a while.
+    /// Cost: O(F). Twins and fans are made on first use: a mesh that is only written needs neither.
     ///
     /// # Errors
     /// When a face names a vertex that does not exist, or the index type cannot count the elements.
     pub fn new(points: Vec<DVec3>, faces: Vec<[Vert; 3]>) -> Result<Self, MeshError> {
-        let too_large = |what, count, limit| Err(MeshError::TooLarge { what, count, limit });
-        if faces.len() > MAX_FACES {
-            return too_large("faces", faces.len(), MAX_FACES);
-        }
-        if points.len() > MAX_VERTS {
-            return too_large("vertices", points.len(), MAX_VERTS);
-        }
+        check_size(points.len(), faces.len())?;
         for (face, corners) in faces.iter().enumerate() {
             if let Some(v) = corners.iter().find(|v| v.index() >= points.len()) {
                 return Err(MeshError::NoSuchVertex { face, vertex: v.index(), vertices: points.len() });
             }
         }
-        let (twins, defects) = pair_twins(points.len(), &faces);
-        Ok(Self { points: points.into(), faces: faces.into(), twins, defects, fans: OnceLock::new() })
+        Ok(Self { points: points.into(), faces: faces.into(), twins: OnceLock::new(), fans: OnceLock::new() })
+    }
+
+    /// The twins, made on first use: O(F log k), k the largest number of edges at one vertex.
+    #[inline]
+    fn twins(&self) -> &Twins {
+        self.twins.get_or_init(|| pair_twins(self.n_verts(), self.faces()))
     }
 
     /// Number of vertices, used or not.
@@ -334,14 +339,15 @@ impl Mesh {
     /// Each edge once, as the lower of its half-edges. A border edge is its only half-edge; a
     /// non-manifold edge appears once per face.
     pub fn edges(&self) -> impl Iterator<Item = Half> + Clone + '_ {
-        self.halves().filter(|&h| h <= self.twins[h])
+        let twins = &self.twins().of;
+        self.halves().filter(|&h| h <= twins[h])
     }
 
     /// The half-edge that stands for the edge of `h`: the lower of `h` and its twin.
     #[inline]
     #[must_use]
     pub fn edge(&self, h: Half) -> Half {
-        h.min(self.twins[h])
+        h.min(self.twins().of[h])
     }
 
     /// Position of vertex `v`.
@@ -409,14 +415,14 @@ impl Mesh {
     #[inline]
     #[must_use]
     pub fn twin(&self, h: Half) -> Option<Half> {
-        Some(self.twins[h]).filter(|t| t.is_some())
+        Some(self.twins().of[h]).filter(|t| t.is_some())
     }
 
     /// Whether the edge of `h` has no second face (or too many of them).
     #[inline]
     #[must_use]
     pub fn is_border(&self, h: Half) -> bool {
-        !self.twins[h].is_some()
+        !self.twins().of[h].is_some()
     }
 
     /// The next half-edge that leaves the same vertex, counter-clockwise; none past a border.
@@ -436,7 +442,7 @@ impl Mesh {
     /// What is irregular about the edges.
     #[must_use]
     pub fn defects(&self) -> EdgeDefects {
-        self.defects
+        self.twins().defects
     }
 
     /// The fans of all vertices, made on first use. O(F).
@@ -497,37 +503,45 @@ impl Mesh {
     /// # Errors
     /// One sentence that names the first element found broken.
     pub fn check(&self) -> Result<(), String> {
-        if self.twins.len() != self.n_halves() {
-            return Err(format!("{} twins for {} half-edges", self.twins.len(), self.n_halves()));
-        }
         if let Some(v) = self.faces().iter().flatten().find(|v| v.index() >= self.n_verts()) {
             return Err(format!("{v:?} of {} vertices", self.n_verts()));
         }
+        let twins = self.twins();
+        if twins.of.len() != self.n_halves() {
+            return Err(format!("{} twins for {} half-edges", twins.of.len(), self.n_halves()));
+        }
         for h in self.halves() {
             let Some(t) = self.twin(h) else { continue };
-            if t.index() >= self.n_halves() || self.twins[t] != h || t.face() == h.face() {
+            if t.index() >= self.n_halves() || twins.of[t] != h || t.face() == h.face() {
                 return Err(format!("{h:?} and {t:?} are no mutual twins of two faces"));
             }
             if self.from(h) != self.to(t) || self.to(h) != self.from(t) {
                 return Err(format!("twins {h:?} and {t:?} do not join the same vertices"));
             }
         }
-        let (twins, defects) = pair_twins(self.n_verts(), self.faces());
-        if let Some(h) = self.halves().find(|&h| twins[h] != self.twins[h]) {
-            return Err(format!("{h:?} has twin {:?}, should have {:?}", self.twins[h], twins[h]));
-        }
-        if defects != self.defects {
-            return Err(format!("{:?} recorded, {defects:?} found", self.defects));
+        if *twins != pair_twins(self.n_verts(), self.faces()) {
+            return Err("the twins are those of another mesh".to_owned());
         }
         self.fans().check(self)
     }
+}
+
+pub(crate) fn check_size(n_verts: usize, n_faces: usize) -> Result<(), MeshError> {
+    let too_large = |what, count, limit| Err(MeshError::TooLarge { what, count, limit });
+    if n_faces > MAX_FACES {
+        return too_large("faces", n_faces, MAX_FACES);
+    }
+    if n_verts > MAX_VERTS {
+        return too_large("vertices", n_verts, MAX_VERTS);
+    }
+    Ok(())
 }
 
 /// Pairs each half-edge with the one that runs the other way, where these two are alone on their edge.
 ///
 /// Half-edges are bucketed by the lower of their two vertices (a counting sort), each bucket is sorted
 /// by the higher one: no hashing, and a vertex with very many edges costs no more than n log n.
-fn pair_twins(n_verts: usize, faces: &[[Vert; 3]]) -> (PerHalf<Half>, EdgeDefects) {
+fn pair_twins(n_verts: usize, faces: &[[Vert; 3]]) -> Twins {
     let mut twins = PerHalf::filled(3 * faces.len(), Half::NONE);
     let mut defects = EdgeDefects::default();
     let ends = |h: Half| {
@@ -577,7 +591,7 @@ fn pair_twins(n_verts: usize, faces: &[[Vert; 3]]) -> (PerHalf<Half>, EdgeDefect
             }
         }
     }
-    (twins, defects)
+    Twins { of: twins, defects }
 }
 
 /// Whether a face is no triangle at all.
@@ -744,9 +758,11 @@ pub(crate) mod tests {
     #[test]
     fn a_broken_twin_does_not_pass_the_check() {
         let mut m = mesh(&anywhere(4), &[[0, 1, 2], [0, 2, 3]]);
-        m.twins[Half::new(2)] = Half::NONE;
+        m.twins();
+        m.twins.get_mut().unwrap().of[Half::new(2)] = Half::NONE;
         assert!(m.check().is_err());
         let mut m = mesh(&anywhere(4), &[[0, 1, 2], [0, 2, 3]]);
+        m.twins();
         m.faces[Face::new(1)] = [1, 2, 3].map(Vert::new);
         assert!(m.check().is_err());
     }

@@ -7,8 +7,10 @@ use crate::place::{PlaceRules, ShiftLimit};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Method {
-    /// The six filters with the departures that were measured to be better.
+    /// Region fits: every doubtful vertex is labelled with the smooth region that explains it.
     #[default]
+    Regions,
+    /// The papers' six filters with the departures that were measured to be better.
     Filters,
     /// The papers' algorithm to the letter (but for its two slips in the placement formula).
     Paper,
@@ -45,9 +47,14 @@ impl Options {
         ClassifyOptions { threshold: self.smooth, border_is_smooth: self.method != Method::Paper }
     }
 
+    /// The farthest that a vertex placed by region fits may go.
+    pub(crate) fn max_shift(&self) -> f64 {
+        self.max_shift.unwrap_or(crate::regions::MAX_SHIFT)
+    }
+
     pub(crate) fn place_rules(&self) -> PlaceRules {
         let rules = match self.method {
-            Method::Filters => PlaceRules::MEASURED,
+            Method::Regions | Method::Filters => PlaceRules::MEASURED,
             Method::Paper => PlaceRules::STRICT,
         };
         let limit = self.max_shift.map_or(rules.limit, ShiftLimit::TimesSplitEdge);

@@ -18,7 +18,7 @@
 
 use glam::DVec3;
 
-use crate::mesh::{Face, Half, Mesh, MeshError, PerFace, PerHalf, Vert, has_repeated_vertex};
+use crate::mesh::{Face, Half, Mesh, MeshError, PerFace, PerHalf, Vert, check_size, has_repeated_vertex};
 
 /// New vertices for a mesh, as data: who makes them (sharpening, bending) does not matter here.
 ///
@@ -166,6 +166,8 @@ pub struct Refined {
     /// The new edges that join two inserted vertices within a face (cases b and c, not d): the pieces of
     /// the recovered creases.
     pub creases: Vec<[Vert; 2]>,
+    /// Where each inserted vertex would be in the middle of its (moved) edge or face. `[N]`
+    pub middles: Vec<DVec3>,
 }
 
 /// One child triangle: its corners, and where they lie in the parent.
@@ -261,11 +263,18 @@ pub fn refine(mesh: &Mesh, inserts: &Inserts) -> Result<Refined, MeshError> {
     let n_splits = |f: Face| f.halves().into_iter().filter(|&h| inserts.on_edge[h].is_some()).count();
     let n_faces = mesh.face_ids().map(|f| n_splits(f) + 1).sum::<usize>() + 2 * inserts.in_face.len();
 
+    check_size(mesh.n_verts() + inserts.points.len(), n_faces)?;
     let mut faces = Vec::with_capacity(n_faces);
     let mut parents = Vec::with_capacity(n_faces);
     let mut places = Vec::with_capacity(3 * n_faces);
     let mut creases = Vec::new();
     for f in mesh.face_ids() {
+        if f.halves().into_iter().all(|h| !inserts.on_edge[h].is_some()) {
+            faces.push(mesh.corners(f));
+            parents.push(f);
+            places.extend([Place::Corner(0), Place::Corner(1), Place::Corner(2)]);
+            continue;
+        }
         let children = split_face(mesh, inserts, f, middle);
         for child in children.iter() {
             faces.push(child.map(|(vertex, _)| vertex));
@@ -278,12 +287,11 @@ pub fn refine(mesh: &Mesh, inserts: &Inserts) -> Result<Refined, MeshError> {
             _ => {}
         }
     }
-    drop(middles);
     points.extend_from_slice(&inserts.points);
+    let lineage = Lineage { parents: parents.into(), corners: places.into(), foreign: Vec::new() };
     let mesh = Mesh::new(points, faces)?;
     debug_assert_eq!(mesh.check(), Ok(()));
-    let lineage = Lineage { parents: parents.into(), corners: places.into(), foreign: Vec::new() };
-    Ok(Refined { mesh, lineage, creases })
+    Ok(Refined { mesh, lineage, creases, middles })
 }
 
 /// Where the new vertices would be if they stayed in the middle of the (moved) old ones.
@@ -393,6 +401,20 @@ mod tests {
         assert_eq!(faces(&r), [[2, 4, 1], [4, 0, 1], [0, 4, 3], [4, 2, 3]]);
         assert_eq!(r.lineage.parents.as_slice(), [0, 0, 1, 1].map(Face::new));
         assert_eq!(r.mesh.edges().filter(|&h| r.mesh.is_border(h)).count(), 4);
+    }
+
+    #[test]
+    fn faces_that_share_all_their_vertices_are_split_too() {
+        let p = [[0., 0., 0.], [1., 0., 0.], [0., 1., 0.], [0., 0., 1.]];
+        let pillow = mesh(&p[..3], &[[0, 1, 2], [2, 1, 0]]);
+        let r = refined(&pillow, &[0, 1], &[]);
+        // Both faces of the pillow have the edge between the new vertices, and the same diagonal.
+        assert_eq!((r.mesh.n_faces(), r.mesh.defects().non_manifold_edges), (6, 2));
+        let doubled = mesh(&p[..3], &[[0, 1, 2], [0, 1, 2]]);
+        assert_eq!(refined(&doubled, &[0, 1, 2], &[]).mesh.n_faces(), 8);
+        let tetrahedron = mesh(&p, &[[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]]);
+        let r = refined(&tetrahedron, &(0..12).collect::<Vec<_>>(), &[0, 1, 2, 3]);
+        assert!(r.mesh.n_faces() == 24 && r.mesh.halves().all(|h| !r.mesh.is_border(h)));
     }
 
     #[test]

@@ -10,6 +10,7 @@ use crate::collapse::CollapseCounts;
 use crate::mesh::{EdgeDefects, Mesh};
 use crate::options::Method;
 use crate::place::Outcome;
+use crate::untangle::UntangleCounts;
 
 /// Numbers of elements of a mesh.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
@@ -18,23 +19,32 @@ pub struct Size {
     pub vertices: usize,
     /// Triangles.
     pub faces: usize,
-    /// Edges with one face, or with more than two.
-    pub border_edges: usize,
-    /// What is irregular about the edges.
-    #[serde(flatten)]
-    pub defects: EdgeDefects,
 }
 
 impl Size {
     /// Counts the elements of `mesh`.
     #[must_use]
     pub fn of(mesh: &Mesh) -> Self {
-        Self {
-            vertices: mesh.n_verts(),
-            faces: mesh.n_faces(),
-            border_edges: mesh.halves().filter(|&h| mesh.is_border(h)).count(),
-            defects: mesh.defects(),
-        }
+        Self { vertices: mesh.n_verts(), faces: mesh.n_faces() }
+    }
+}
+
+/// What of the input is left as it is: it is neither repaired nor sharpened.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct LeftAlone {
+    /// Half-edges without a twin: borders, and the edges below.
+    pub border_edges: usize,
+    /// What is irregular about the edges.
+    #[serde(flatten)]
+    pub defects: EdgeDefects,
+}
+
+impl LeftAlone {
+    /// Counts what `mesh` has of it.
+    #[must_use]
+    pub fn of(mesh: &Mesh) -> Self {
+        let border_edges = mesh.halves().filter(|&h| mesh.is_border(h)).count();
+        Self { border_edges, defects: mesh.defects() }
     }
 }
 
@@ -75,15 +85,26 @@ pub struct Report {
     pub method: Method,
     /// The mesh that came in.
     pub input: Size,
+    /// What of it is left as it is.
+    pub left_alone: LeftAlone,
     /// The mesh that went out.
     pub output: Size,
+    /// Why the mesh is not the kind of input that can be sharpened, if it is not. Nothing was changed then.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub unfit: Option<String>,
     /// What the filters coloured.
     pub found: Found,
     /// How many inserted vertices moved onto their feature, and how many stayed in the middle for which
     /// reason.
     pub inserted: BTreeMap<Outcome, usize>,
-    /// What became of degenerate faces.
-    pub degenerate_faces: CollapseCounts,
+    /// Old vertices that moved onto the surface that their region's fit predicts.
+    pub moved_vertices: usize,
+    /// What became of degenerate faces, where the papers' clean-up ran.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub degenerate_faces: Option<CollapseCounts>,
+    /// What became of folds and slivers, where untangling ran.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub untangled: Option<UntangleCounts>,
     /// Old vertices that were collapsed; an inserted vertex has taken the index of each.
     pub replaced_vertices: Vec<usize>,
     /// Edges tagged as sharp in the output.

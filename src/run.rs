@@ -4,7 +4,9 @@ use std::path::Path;
 use std::process::ExitCode;
 
 use anyhow::{Context, Result};
+use sharpen::error::display_name;
 use sharpen::place::Outcome;
+use sharpen::weld::weld;
 use sharpen::{Mesh, Report, io, paint};
 
 use crate::batch;
@@ -18,7 +20,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     if let Some([input, output]) = arguments.folder.only_file.as_deref() {
         return batch::answer_for(arguments, input, output);
     }
-    if arguments.input.is_dir() {
+    if arguments.input.is_dir() && arguments.input != Path::new("-") {
         return batch::sharpen_folder(arguments);
     }
     arguments.folder.refuse_for_a_file();
@@ -30,7 +32,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
         io::write_bytes(path, (serde_json::to_string_pretty(&done.report)? + "\n").as_bytes())?;
     }
     if !arguments.quiet {
-        done.notices.iter().for_each(|notice| eprintln!("{}: {notice}", arguments.input.display()));
+        done.notices.iter().for_each(|notice| eprintln!("{}: {notice}", display_name(&arguments.input)));
         eprintln!("{}", summary(&arguments.input, &done.report));
     }
     if arguments.verbose {
@@ -48,34 +50,55 @@ pub struct Done {
 }
 
 /// Sharpens the mesh in the file `input` into the file `output`. Nothing but these (and what `--classes`
-/// names) is read or written, and nothing is said.
+/// names) is read or written, and nothing is said. Where nothing is found, and the format stays, the output
+/// is the input byte for byte.
 ///
 /// # Errors
 /// One line that says what failed. No output is written unless all of it can be.
 pub fn sharpen_file(arguments: &Arguments, input: &Path, output: &Path) -> Result<Done> {
-    let model = io::read(input)?;
-    let mesh = Mesh::new(model.points, model.faces).with_context(|| input.display().to_string())?;
-    let sharpened = sharpen::sharpen(&mesh, &arguments.options())?;
+    let bytes = io::read_bytes(input)?;
+    let (source, target) = (arguments.format_of(input)?, arguments.format_of(output)?);
+    let mut model = io::parse_as(&bytes, &display_name(input), source)?;
+    // A file can be read again, if need be; a stream cannot.
+    let bytes = (input == Path::new("-")).then_some(bytes);
+    if let Some(firsts) = weld(&model.points, arguments.weld) {
+        model.attributes.join(&mut model.faces, &firsts);
+    }
+    let mesh = Mesh::new(model.points, model.faces).with_context(|| display_name(input))?;
+    let (sharpened, attributes, lost) =
+        sharpen::sharpen_with_attributes(&mesh, model.attributes, &arguments.options())?;
     let painted = sharpened.labels.as_ref().map(|labels| paint::paint(&mesh, labels));
-    drop(mesh);
+    let mut notices = model.notices;
+    notices.extend(lost);
 
-    let view = io::View {
-        points: sharpened.mesh.points(),
-        faces: sharpened.mesh.faces(),
-        attributes: &model.attributes,
-    };
-    io::write(output, view)?;
+    if !sharpened.report.changed && source == target {
+        let same = bytes.map_or_else(|| io::read_bytes(input), Ok)?;
+        io::write_bytes(output, &same)?;
+    } else {
+        let parted = attributes.part(mesh.points(), &sharpened.mesh);
+        drop(mesh);
+        let (points, faces) = match &parted {
+            Some((points, faces)) => (points.as_slice(), faces.as_slice()),
+            None => (sharpened.mesh.points(), sharpened.mesh.faces()),
+        };
+        let view = io::View { points, faces, attributes: &attributes };
+        notices.extend(io::losses(view, target));
+        io::write_as(output, view, target)?;
+    }
     if let (Some(path), Some(painted)) = (&arguments.classes, painted) {
         io::write_bytes(path, &painted)?;
     }
-    Ok(Done { report: sharpened.report, notices: model.notices })
+    Ok(Done { report: sharpened.report, notices })
 }
 
 /// One line that says what came of it.
 fn summary(input: &Path, report: &Report) -> String {
     let moved = report.inserted.get(&Outcome::Moved).copied().unwrap_or(0);
     let inserted: usize = report.inserted.values().sum();
-    let name = input.display();
+    let name = display_name(input);
+    if let Some(why) = &report.unfit {
+        return format!("{name}: left as it is: {why}");
+    }
     if !report.changed {
         return format!("{name}: nothing to sharpen in {} faces", report.input.faces);
     }
@@ -90,12 +113,16 @@ fn details(report: &Report) -> String {
     let mut lines = vec![format!("smooth below {:.3} degrees", report.found.threshold_deg)];
     let in_the_middle = report.inserted.iter().filter(|&(&outcome, _)| outcome != Outcome::Moved);
     lines.extend(in_the_middle.map(|(outcome, count)| format!("left in the middle, {outcome}: {count}")));
-    let mended = report.degenerate_faces;
-    lines.push(format!(
-        "degenerate faces: {} collapsed, {} flipped, {} left",
-        mended.collapsed, mended.flipped, mended.left
-    ));
-    let defects = report.input.defects;
+    if let Some(mended) = report.degenerate_faces {
+        let (collapsed, flipped, left) = (mended.collapsed, mended.flipped, mended.left);
+        lines.push(format!("degenerate faces: {collapsed} collapsed, {flipped} flipped, {left} left"));
+    }
+    if let Some(untangled) = report.untangled {
+        let (bad, collapsed, flipped) = (untangled.bad_before, untangled.collapsed, untangled.flipped);
+        let left = untangled.left;
+        lines.push(format!("{bad} bad faces: {collapsed} edges collapsed, {flipped} flipped; {left} left"));
+    }
+    let defects = report.left_alone.defects;
     for (count, what) in [
         (defects.non_manifold_edges, "non-manifold edges"),
         (defects.misoriented_edges, "edges where faces disagree on the orientation"),

@@ -8,7 +8,8 @@
 //! Cost: O(edges at tagged vertices).
 
 use crate::classify::dihedral_angle;
-use crate::mesh::{Half, Mesh, PerHalf, PerVert, Vert};
+use crate::geometry::{angle_between, unit_normal};
+use crate::mesh::{Face, Half, Mesh, PerHalf, PerVert, Vert};
 
 /// An edge with a smaller dihedral angle in the output is not sharp, in radians: 15 degrees. With it a
 /// sphere has no sharp edge and a block with round edges 46 instead of 2523.
@@ -44,8 +45,8 @@ impl Tags {
     /// The papers' sharp edges: every edge of `mesh` between two tagged vertices.
     #[must_use]
     pub fn between_tagged(mesh: &Mesh, is_tagged: &PerVert<bool>) -> Self {
-        let ends = |h: Half| [mesh.from(h), mesh.to(h)];
-        let sharp = mesh.edges().map(ends).filter(|edge| edge.iter().all(|&v| is_tagged[v]));
+        let edges = mesh.faces().iter().flat_map(|&[a, b, c]| [[a, b], [b, c], [c, a]]);
+        let sharp = edges.filter(|edge| edge.iter().all(|&v| is_tagged[v]));
         Self::new(sharp, mesh.verts().filter(|&v| is_tagged[v]))
     }
 
@@ -53,11 +54,27 @@ impl Tags {
     /// edge without an angle (a border, a face without area) keeps its tag.
     #[must_use]
     pub fn where_bent(mesh: &Mesh, candidates: impl IntoIterator<Item = [Vert; 2]>) -> Self {
-        let normals = mesh.face_normals();
-        let bends = |h: Half| dihedral_angle(mesh, &normals, h).is_none_or(|angle| angle >= MIN_SHARP_ANGLE);
-        let half = |[a, b]: [Vert; 2]| mesh.half_between(a, b).or_else(|| mesh.half_between(b, a));
-        let is_sharp = |edge: &[Vert; 2]| half(*edge).is_some_and(bends);
-        Self::new(candidates.into_iter().filter(is_sharp), [])
+        let candidates = Self::new(candidates, []);
+        let mut is_end = PerVert::filled(mesh.n_verts(), false);
+        candidates.tagged.iter().for_each(|&v| is_end[v] = true);
+        // One pass over the faces finds those beside each candidate, without the mesh's twins.
+        let mut beside: Vec<([Vert; 2], Face)> = Vec::new();
+        for f in mesh.face_ids().filter(|&f| mesh.corners(f).into_iter().filter(|&v| is_end[v]).count() > 1) {
+            let edges = f.halves().map(|h| [mesh.from(h).min(mesh.to(h)), mesh.from(h).max(mesh.to(h))]);
+            let is_candidate = |edge: &[Vert; 2]| candidates.sharp.binary_search(edge).is_ok();
+            beside.extend(edges.into_iter().filter(is_candidate).map(|edge| (edge, f)));
+        }
+        beside.sort_unstable();
+        let normal = |f: Face| unit_normal(mesh.triangle(f));
+        let bends = |edge: &&[([Vert; 2], Face)]| match **edge {
+            [(_, f), (_, g)] => match (normal(f), normal(g)) {
+                (Some(n), Some(m)) => angle_between(n, m) >= MIN_SHARP_ANGLE,
+                _ => true,
+            },
+            _ => true,
+        };
+        let sharp = beside.chunk_by(|a, b| a.0 == b.0).filter(bends).map(|edge| edge[0].0);
+        Self::new(sharp, [])
     }
 
     /// The sharp edges, lower vertex first, ascending.

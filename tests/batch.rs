@@ -140,6 +140,41 @@ fn the_report_may_go_to_standard_output() {
         || predicate::function(move |text: &str| text.lines().count() == 3 && text.lines().all(is_json));
     place.sharpen().args(["--report", "/dev/stdout"]).assert().code(1).stdout(lines());
     place.sharpen().args(["--resume", "--report", "/dev/stdout"]).assert().code(1).stdout(lines());
+    place.sharpen().args(["--resume", "--report", "-"]).assert().code(1).stdout(lines());
+    assert!(!place.path("-").exists());
+}
+
+#[test]
+fn every_format_stays_what_it_is() {
+    let place = Place::new();
+    for name in ["a.obj", "a.ply", "a.STL", "a.off", "stopped"] {
+        let cube = common::chamfered_cube(8, 0.9);
+        let attributes = sharpen::attributes::Attributes::default();
+        let view = io::View { points: cube.points(), faces: cube.faces(), attributes: &attributes };
+        let path = place.path("in").join(name);
+        io::write_as(&path, view, io::Format::of(&path).unwrap_or(io::Format::Off)).unwrap();
+    }
+    place
+        .sharpen()
+        .assert()
+        .success()
+        .stderr(contains("4 sharpened, 0 failed, 0 skipped; 3056 -> 4560 faces"));
+    assert_eq!(place.files("out"), ["a.STL", "a.obj", "a.off", "a.ply"]);
+    let faces = |name: &str| io::read(&place.path("out").join(name)).unwrap().faces.len();
+    assert!(place.files("out").iter().all(|name| faces(name) == 1140));
+}
+
+#[test]
+fn what_is_no_input_for_sharpening_is_said() {
+    let place = Place::new();
+    let cube = common::chamfered_cube(8, 0.9);
+    let noisy = cube.points().iter().enumerate();
+    let points = noisy.map(|(i, p)| *p * (1.0 + 0.2 * (12.9898 * i as f64).sin())).collect();
+    write_mesh(&place.path("in/noisy.obj"), &Mesh::new(points, cube.faces().to_vec()).unwrap());
+    let said = contains("in/noisy.obj: left as it is: ");
+    place.sharpen().args(["--report", "r"]).assert().success().stderr(said.clone());
+    assert_eq!(place.get("in/noisy.obj"), place.get("out/noisy.obj"));
+    assert!(said.eval(place.report("r")["noisy.obj"]["reason"].as_str().unwrap()));
 }
 
 #[test]
@@ -199,7 +234,7 @@ fn include_takes_names_or_paths() {
         (&["nothing"], &[]),
     ] {
         let flags = globs.iter().flat_map(|glob| ["--include", glob]);
-        place.sharpen().args(flags).assert().success();
+        place.sharpen().args(flags).args(["--format", "obj"]).assert().success();
         let mut expected = expected.to_vec();
         expected.sort_unstable();
         let mut files = place.files("out");

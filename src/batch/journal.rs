@@ -20,7 +20,7 @@
 //! then differs from that in the line.
 
 use std::collections::HashMap;
-use std::fs::{self, File, Metadata, OpenOptions};
+use std::fs::{self, Metadata, OpenOptions};
 use std::hash::{DefaultHasher, Hash, Hasher};
 use std::io::{self, Write};
 use std::path::Path;
@@ -129,10 +129,9 @@ pub fn short(recipe: &str) -> String {
 }
 
 /// Where this run notes what it has done.
-#[derive(Debug)]
 pub struct Journal {
-    report: Option<File>,
-    state: File,
+    report: Option<Box<dyn Write + Send>>,
+    state: Box<dyn Write + Send>,
     recipe: String,
 }
 
@@ -179,20 +178,24 @@ impl Journal {
 }
 
 /// Gives the file the content `text`, in one step if it is a regular one, and opens it to add more.
-fn start(path: &Path, text: &str) -> Result<File> {
-    let is_pipe = fs::metadata(path).is_ok_and(|metadata| !metadata.is_file());
+fn start(path: &Path, text: &str) -> Result<Box<dyn Write + Send>> {
+    let is_stream = path == Path::new("-");
+    let is_pipe = !is_stream && fs::metadata(path).is_ok_and(|metadata| !metadata.is_file());
     if !is_pipe {
         write_bytes(path, text.as_bytes())?;
+    }
+    if is_stream {
+        return Ok(Box::new(io::stdout()));
     }
     let context = || format!("{}: cannot write", display_name(path));
     let mut file = OpenOptions::new().append(true).open(path).with_context(context)?;
     if is_pipe {
         file.write_all(text.as_bytes()).with_context(context)?;
     }
-    Ok(file)
+    Ok(Box::new(file))
 }
 
 /// Adds a line in one step, as far as the system can.
-fn add_line(file: &mut File, line: &str) -> io::Result<()> {
-    file.write_all(format!("{line}\n").as_bytes())
+fn add_line(to: &mut impl Write, line: &str) -> io::Result<()> {
+    to.write_all(format!("{line}\n").as_bytes())
 }

@@ -251,7 +251,9 @@ fn line_for(arguments: &Arguments, input: &Path, output: &Path) -> Result<String
     let seconds = start.elapsed().as_secs_f64();
     let line = match result {
         Ok(Done { report, notices }) => {
-            Line { name, status: Status::Ok, reason: None, seconds, notices, report: Some(report) }
+            let unfit = |why| format!("{}: left as it is: {why}", display_name(input));
+            let reason = report.unfit.as_ref().map(unfit);
+            Line { name, status: Status::Ok, reason, seconds, notices, report: Some(report) }
         }
         Err(error) => Line { seconds, ..Line::without_mesh(name, Status::Failed, format!("{error:#}")) },
     };

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
 use sharpen::error::display_name;
-use sharpen::io::temporary;
+use sharpen::io::{Format, temporary};
 use walkdir::{DirEntry, WalkDir};
 
 use super::journal::STATE;
@@ -128,7 +128,7 @@ fn is_wanted(arguments: &Arguments, below: &Path) -> bool {
     }
     let globs = &arguments.folder.include;
     if globs.is_empty() {
-        return below.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("obj"));
+        return Format::of(below).is_ok();
     }
     globs
         .iter()

@@ -8,13 +8,21 @@
 //! No sequence of bytes makes a reader panic, and none makes it allocate more than a small multiple of
 //! the file's size.
 
+mod faces;
+mod format;
 mod obj;
+mod off;
+mod ply;
+mod stl;
 pub mod temporary;
 mod text;
 mod triangulate;
+mod vertex_data;
+
+pub use format::Format;
 
 use std::fs;
-use std::io::Write;
+use std::io::{Read, Write};
 use std::path::Path;
 
 use glam::DVec3;
@@ -53,38 +61,110 @@ impl<'a> From<&'a Model> for View<'a> {
     }
 }
 
-/// Reads the mesh in the file `path`.
+/// Reads the mesh in the file `path`; `-` is standard input.
+///
+/// # Errors
+/// When the file cannot be read, its name does not tell the format, or its content is no mesh.
+pub fn read(path: &Path) -> Result<Model, Error> {
+    let bytes = read_bytes(path)?;
+    parse_as(&bytes, &display_name(path), Format::of(path)?)
+}
+
+/// Reads the mesh in the file `path`, whatever its name; `-` is standard input.
 ///
 /// # Errors
 /// When the file cannot be read or its content is no mesh.
-pub fn read(path: &Path) -> Result<Model, Error> {
-    let bytes = fs::read(path).map_err(|source| Error::file(path, "read", source))?;
-    parse(&bytes, &display_name(path))
+pub fn read_as(path: &Path, format: Format) -> Result<Model, Error> {
+    parse_as(&read_bytes(path)?, &display_name(path), format)
+}
+
+/// Reads all bytes of the file `path`; `-` is standard input.
+///
+/// # Errors
+/// When the file system refuses.
+pub fn read_bytes(path: &Path) -> Result<Vec<u8>, Error> {
+    let bytes = if is_stream(path) {
+        let mut bytes = Vec::new();
+        std::io::stdin().lock().read_to_end(&mut bytes).map(|_| bytes)
+    } else {
+        fs::read(path)
+    };
+    bytes.map_err(|source| Error::file(path, "read", source))
+}
+
+/// Reads the OBJ mesh in `bytes`; `name` stands for the file in errors.
+///
+/// # Errors
+/// When the content is no mesh.
+pub fn parse(bytes: &[u8], name: &str) -> Result<Model, Error> {
+    parse_as(bytes, name, Format::Obj)
 }
 
 /// Reads the mesh in `bytes`; `name` stands for the file in errors.
 ///
 /// # Errors
-/// When the content is no mesh.
-pub fn parse(bytes: &[u8], name: &str) -> Result<Model, Error> {
-    obj::parse(bytes).map_err(|fault| Error::content(name, fault))
+/// When the content is no mesh of this format. Text and bytes are told apart whatever `format` says.
+pub fn parse_as(bytes: &[u8], name: &str, format: Format) -> Result<Model, Error> {
+    let parsed = match format {
+        Format::Obj => obj::parse(bytes),
+        Format::Ply(_) => ply::parse(bytes),
+        Format::Stl(_) => stl::parse(bytes),
+        Format::Off => off::parse(bytes),
+    };
+    parsed.map_err(|fault| Error::content(name, fault))
 }
 
 /// Writes a mesh to the file `path`: to a temporary file beside it, which then takes its name, so that
 /// nobody ever sees half a file. An existing file keeps its permissions; a link stays one; what is not a
-/// regular file, like `/dev/null`, is written to.
+/// regular file, like `/dev/null`, is written to. `-` is standard output.
+///
+/// # Errors
+/// When the name does not tell the format, or the file system refuses.
+pub fn write<'a>(path: &Path, view: impl Into<View<'a>>) -> Result<(), Error> {
+    write_as(path, view, Format::of(path)?)
+}
+
+/// Writes a mesh to the file `path` as [`write`] does, whatever its name.
 ///
 /// # Errors
 /// When the file system refuses.
-pub fn write<'a>(path: &Path, view: impl Into<View<'a>>) -> Result<(), Error> {
-    let bytes = format(view);
-    write_bytes(path, &bytes)
+pub fn write_as<'a>(path: &Path, view: impl Into<View<'a>>, format: Format) -> Result<(), Error> {
+    write_bytes(path, &format_as(view, format))
+}
+
+/// A mesh as the bytes of an OBJ file.
+#[must_use]
+pub fn format<'a>(view: impl Into<View<'a>>) -> Vec<u8> {
+    format_as(view, Format::Obj)
 }
 
 /// A mesh as the bytes of a file.
 #[must_use]
-pub fn format<'a>(view: impl Into<View<'a>>) -> Vec<u8> {
-    obj::format(view.into())
+pub fn format_as<'a>(view: impl Into<View<'a>>, format: Format) -> Vec<u8> {
+    let view = view.into();
+    match format {
+        Format::Obj => obj::format(view),
+        Format::Ply(encoding) => ply::format(view, encoding),
+        Format::Stl(encoding) => stl::format(view, encoding),
+        Format::Off => off::format(view),
+    }
+}
+
+/// What a file of this format cannot hold of a mesh, one line each.
+#[must_use]
+pub fn losses<'a>(view: impl Into<View<'a>>, format: Format) -> Vec<String> {
+    let view = view.into();
+    match format {
+        Format::Obj => obj::losses(view),
+        Format::Ply(_) => ply::losses(view),
+        Format::Stl(encoding) => stl::losses(view, encoding),
+        Format::Off => off::losses(view),
+    }
+}
+
+/// Whether `path` stands for a standard stream.
+fn is_stream(path: &Path) -> bool {
+    path == Path::new("-")
 }
 
 /// Gives the file `path` the content `bytes` in one step, as [`write`] does.
@@ -92,7 +172,28 @@ pub fn format<'a>(view: impl Into<View<'a>>) -> Vec<u8> {
 /// # Errors
 /// When the file system refuses.
 pub fn write_bytes(path: &Path, bytes: &[u8]) -> Result<(), Error> {
-    replace(path, bytes).map_err(|source| Error::file(path, "write", source))
+    let written = if is_stream(path) {
+        let mut out = std::io::stdout().lock();
+        out.write_all(bytes).and_then(|()| out.flush())
+    } else {
+        replace(path, bytes)
+    };
+    written.map_err(|source| Error::file(path, "write", source))
+}
+
+/// What other kind of file this is, by its first bytes.
+fn looks_like(bytes: &[u8]) -> Option<&'static str> {
+    let kinds: [(&[u8], &str); 8] = [
+        (b"solid", "an STL file"),
+        (b"ply", "a PLY file"),
+        (b"OFF", "an OFF file"),
+        (b"glTF", "a glTF file"),
+        (b"PK\x03\x04", "a ZIP archive"),
+        (b"\x1f\x8b", "a gzip archive"),
+        (b"Kaydara", "an FBX file"),
+        (b"<", "an XML file"),
+    ];
+    kinds.iter().find(|(start, _)| bytes.starts_with(start)).map(|&(_, kind)| kind)
 }
 
 /// Gives the file `path` the content `bytes` in one step.
@@ -127,10 +228,10 @@ mod tests {
     fn what_is_missing_or_a_folder_is_one_line() {
         let folder = tempfile::tempdir().unwrap();
         for path in [folder.path().to_owned(), folder.path().join("none.obj")] {
-            let message = read(&path).unwrap_err().to_string();
+            let message = read_as(&path, Format::Obj).unwrap_err().to_string();
             assert!(message.contains(": cannot read: ") && message.lines().count() == 1, "{message}");
         }
-        let message = write(folder.path(), &triangle()).unwrap_err().to_string();
+        let message = write_as(folder.path(), &triangle(), Format::Obj).unwrap_err().to_string();
         assert!(message.contains(": cannot write: "), "{message}");
         let message = write(&folder.path().join("no/such.obj"), &triangle()).unwrap_err().to_string();
         assert!(message.contains(": cannot write: ") && message.lines().count() == 1, "{message}");
@@ -164,6 +265,6 @@ mod tests {
         let new = folder.path().join("new.obj");
         write(&new, &triangle()).unwrap();
         assert_eq!(fs::metadata(&new).unwrap().permissions(), usual, "the umask is not respected");
-        write(Path::new("/dev/null"), &triangle()).unwrap();
+        write_as(Path::new("/dev/null"), &triangle(), Format::Obj).unwrap();
     }
 }

@@ -8,22 +8,30 @@
 //! Differs: a comment may follow data; a vertex may have a weight or a colour behind its coordinates;
 //! faces may come before their vertices; LF, CRLF and CR end a line; texture coordinates and normals of
 //! the wrong form are not worth refusing a mesh for.
-//! In/out: bytes; points `[V]`, faces `[F]` in the file's order.
+//! In/out: bytes; points `[V]`, faces `[F]` in the file's order, and what is said about them.
 //! Cost: some 100 ns per triangle to read.
+
+mod piece;
+mod run;
+mod write;
+
+pub(super) use write::{format, losses};
 
 use glam::DVec3;
 
 use super::text::{Cursor, is_blank};
-use super::triangulate::triangulate;
-use super::{Model, View};
+use super::{Model, looks_like};
 use crate::error::{Fault, Quoted};
-use crate::mesh::{MAX_FACES, MAX_VERTS, Vert};
+use crate::mesh::{MAX_FACES, MAX_VERTS};
+use run::Run;
 
 /// How many statements of each kind there are.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 struct Counts {
     vertices: usize,
     faces: usize,
+    textures: usize,
+    normals: usize,
 }
 
 /// Reads a mesh.
@@ -33,29 +41,23 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Model, Fault> {
     }
     let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
     let (total, last_line) = count(bytes);
-    if total.vertices > MAX_VERTS {
-        return Err(Fault { line: 1, reason: format!("{} vertices are too many", total.vertices) });
+    let most = total.vertices.max(total.textures).max(total.normals);
+    if most > MAX_VERTS {
+        return Err(Fault { line: 1, reason: format!("{most} vertices are too many") });
     }
     let mut points = vec![DVec3::ZERO; total.vertices];
-    let mut run = Run {
-        text: Cursor::new(bytes, 1),
-        points: &mut points,
-        seen: Counts::default(),
-        total,
-        faces: Vec::with_capacity(total.faces),
-        polygons: Vec::new(),
-        corners: Vec::new(),
-    };
-    run.parse()?;
-    let Run { mut faces, polygons, .. } = run;
-    cut_polygons(&points, &mut faces, &polygons);
-    if faces.is_empty() {
+    let run = Run::new(Cursor::new(bytes, 1), &mut points, Counts::default(), total);
+    let piece = run.parse()?;
+    if piece.faces.triangles.is_empty() {
         return Err(no_faces(bytes, total, last_line));
     }
-    if faces.len() > MAX_FACES {
-        return Err(Fault { line: 1, reason: format!("{} triangles are too many", faces.len()) });
+    if piece.faces.triangles.len() > MAX_FACES {
+        return Err(Fault {
+            line: 1,
+            reason: format!("{} triangles are too many", piece.faces.triangles.len()),
+        });
     }
-    Ok(Model { points, faces, ..Model::default() })
+    Ok(piece.into_model(points))
 }
 
 /// The kinds of statements that are counted.
@@ -63,6 +65,8 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Model, Fault> {
 enum Kind {
     Vertex,
     Face,
+    Texture,
+    Normal,
     Other,
 }
 
@@ -70,14 +74,16 @@ enum Kind {
 #[inline]
 fn kind(text: &mut Cursor) -> Kind {
     text.skip_blanks();
-    let after = text.bytes.get(text.at + 1);
-    let is_apart = after.is_none_or(|&b| is_blank(b) || matches!(b, b'\n' | b'\r' | b'\\' | b'#'));
-    let kind = match text.peek() {
-        b'v' if is_apart => Kind::Vertex,
-        b'f' if is_apart => Kind::Face,
-        _ => return Kind::Other,
+    let after = |i: usize| text.bytes.get(text.at + i).copied().unwrap_or(b'\n');
+    let is_apart = |b: u8| is_blank(b) || matches!(b, b'\n' | b'\r' | b'\\' | b'#');
+    let (kind, length) = match (text.peek(), after(1)) {
+        (b'v', b) if is_apart(b) => (Kind::Vertex, 1),
+        (b'f', b) if is_apart(b) => (Kind::Face, 1),
+        (b'v', b't') if is_apart(after(2)) => (Kind::Texture, 2),
+        (b'v', b'n') if is_apart(after(2)) => (Kind::Normal, 2),
+        _ => (Kind::Other, 0),
     };
-    text.at += 1;
+    text.at += length;
     kind
 }
 
@@ -91,171 +97,13 @@ fn count(bytes: &[u8]) -> (Counts, usize) {
         match kind(&mut text) {
             Kind::Vertex => counts.vertices += 1,
             Kind::Face => counts.faces += 1,
+            Kind::Texture => counts.textures += 1,
+            Kind::Normal => counts.normals += 1,
             Kind::Other => {}
         }
         text.statement();
     }
     (counts, last_line)
-}
-
-/// A run of whole statements while it is read.
-struct Run<'a> {
-    text: Cursor<'a>,
-    /// Where the vertices of this run go.
-    points: &'a mut [DVec3],
-    /// Statements before the one at the cursor, in the whole file.
-    seen: Counts,
-    /// Statements in the whole file.
-    total: Counts,
-    faces: Vec<[Vert; 3]>,
-    /// First triangle and number of corners of each face with more than three. Its corners stand in
-    /// `faces` as a fan until all points are known.
-    polygons: Vec<(usize, usize)>,
-    /// The corners of the face being read.
-    corners: Vec<Vert>,
-}
-
-impl Run<'_> {
-    fn parse(&mut self) -> Result<(), Fault> {
-        let first = self.seen.vertices;
-        while !self.text.is_at_end() {
-            match kind(&mut self.text) {
-                Kind::Vertex => {
-                    self.points[self.seen.vertices - first] = self.vertex()?;
-                    self.seen.vertices += 1;
-                }
-                Kind::Face => {
-                    self.face()?;
-                    self.seen.faces += 1;
-                }
-                Kind::Other => {
-                    self.text.statement();
-                }
-            }
-        }
-        Ok(())
-    }
-
-    /// Three coordinates. What may follow: a weight, or a colour of three or four numbers.
-    fn vertex(&mut self) -> Result<DVec3, Fault> {
-        let mut numbers = [0.0; 3];
-        let mut n = 0;
-        while !self.text.ends_statement() {
-            let number = self.text.number()?;
-            if let Some(place) = numbers.get_mut(n) {
-                *place = number;
-            }
-            n += 1;
-        }
-        if n < 3 {
-            let [x, y, _] = numbers;
-            let has = match n {
-                0 => "none".to_owned(),
-                1 => format!("\"{x}\" only"),
-                _ => format!("\"{x} {y}\" only"),
-            };
-            return Err(self.text.fault(format_args!("a vertex needs three coordinates and has {has}")));
-        }
-        self.text.skip_line();
-        Ok(numbers.into())
-    }
-
-    fn face(&mut self) -> Result<(), Fault> {
-        let line = self.text.line;
-        self.corners.clear();
-        while !self.text.ends_statement() {
-            let corner = self.corner()?;
-            self.corners.push(corner);
-        }
-        match *self.corners {
-            [a, b, c] => self.faces.push([a, b, c]),
-            [first, .., _] if self.corners.len() > 3 => {
-                self.polygons.push((self.faces.len(), self.corners.len()));
-                self.faces.extend(self.corners[1..].windows(2).map(|pair| [first, pair[0], pair[1]]));
-            }
-            _ => return Err(self.too_few_corners(line)),
-        }
-        self.text.skip_line();
-        Ok(())
-    }
-
-    #[cold]
-    fn too_few_corners(&self, line: usize) -> Fault {
-        let has: Vec<String> = self.corners.iter().map(|v| (v.index() + 1).to_string()).collect();
-        let has = if has.is_empty() { "none".to_owned() } else { format!("\"{}\" only", has.join(" ")) };
-        Fault { line, reason: format!("a face needs three corners and has {has}") }
-    }
-
-    /// One corner: `v`, `v/vt`, `v//vn` or `v/vt/vn`.
-    #[inline]
-    fn corner(&mut self) -> Result<Vert, Fault> {
-        let start = self.text.at;
-        let Some(index) = self.text.whole() else { return Err(self.bad_corner(start, "is no vertex index")) };
-        for _ in 0..2 {
-            if self.text.peek() != b'/' {
-                break;
-            }
-            self.text.at += 1;
-            if self.text.whole().is_none() && self.text.peek() != b'/' && !self.text.ends_word() {
-                return Err(self.bad_corner(start, "is no corner (v, v/vt, v//vn, v/vt/vn)"));
-            }
-        }
-        if self.text.peek() == b'/' {
-            return Err(self.bad_corner(start, "is no corner (v, v/vt, v//vn, v/vt/vn)"));
-        }
-        match resolve(index, self.seen.vertices, self.total.vertices) {
-            Some(vertex) => Ok(Vert::new(vertex)),
-            None => Err(self.bad_index(start, index)),
-        }
-    }
-
-    #[cold]
-    fn bad_corner(&mut self, start: usize, reason: &str) -> Fault {
-        self.text.at = start;
-        self.text.fault(format_args!("{} {reason}", Quoted(self.text.peek_word())))
-    }
-
-    #[cold]
-    fn bad_index(&mut self, start: usize, index: i64) -> Fault {
-        let (seen, total) = (self.seen.vertices, self.total.vertices);
-        let reason = match index {
-            0 => "names vertex 0, but vertices count from 1".to_owned(),
-            1.. => format!("names a vertex that does not exist (there are {total})"),
-            _ => format!("counts back beyond the first vertex ({seen} stand before this line)"),
-        };
-        self.bad_corner(start, &reason)
-    }
-}
-
-/// The element that `index` names, from 0: the file counts from 1, or back from the last one `seen`.
-#[inline]
-fn resolve(index: i64, seen: usize, total: usize) -> Option<usize> {
-    let element = if index > 0 {
-        index - 1
-    } else if index < 0 {
-        seen as i64 + index
-    } else {
-        -1
-    };
-    usize::try_from(element).ok().filter(|&element| element < total)
-}
-
-/// Replaces the fan that stands for each polygon by a sound cut.
-fn cut_polygons(points: &[DVec3], faces: &mut [[Vert; 3]], polygons: &[(usize, usize)]) {
-    let (mut corners, mut places, mut triangles) = (Vec::new(), Vec::new(), Vec::new());
-    for &(first, n) in polygons {
-        let fan = &mut faces[first..first + n - 2];
-        corners.clear();
-        corners.extend_from_slice(&[fan[0][0], fan[0][1]]);
-        corners.extend(fan.iter().map(|triangle| triangle[2]));
-        places.clear();
-        places.extend(corners.iter().map(|v| points[v.index()]));
-        triangles.clear();
-        triangulate(&places, &mut triangles);
-        for (face, triangle) in fan.iter_mut().zip(&triangles) {
-            *face = triangle.map(|i| corners[i as usize]);
-        }
-    }
 }
 
 #[cold]
@@ -273,54 +121,11 @@ fn first_word(bytes: &[u8]) -> &[u8] {
     &bytes[..end.unwrap_or(bytes.len().min(16))]
 }
 
-/// What other kind of file this is, by its first bytes.
-fn looks_like(bytes: &[u8]) -> Option<&'static str> {
-    let kinds: [(&[u8], &str); 8] = [
-        (b"solid", "an STL file"),
-        (b"ply", "a PLY file"),
-        (b"OFF", "an OFF file"),
-        (b"glTF", "a glTF file"),
-        (b"PK\x03\x04", "a ZIP archive"),
-        (b"\x1f\x8b", "a gzip archive"),
-        (b"Kaydara", "an FBX file"),
-        (b"<", "an XML file"),
-    ];
-    kinds.iter().find(|(start, _)| bytes.starts_with(start)).map(|&(_, kind)| kind)
-}
-
-/// Writes a mesh: coordinates in the shortest form that reads back to the same bits.
-pub(super) fn format(view: View) -> Vec<u8> {
-    let mut out = Vec::with_capacity(40 * view.points.len() + 24 * view.faces.len());
-    for point in view.points {
-        out.push(b'v');
-        for number in point.to_array() {
-            out.push(b' ');
-            push_number(&mut out, number);
-        }
-        out.push(b'\n');
-    }
-    let mut buffer = itoa::Buffer::new();
-    for face in view.faces {
-        out.push(b'f');
-        for v in face {
-            out.push(b' ');
-            out.extend_from_slice(buffer.format(v.index() + 1).as_bytes());
-        }
-        out.push(b'\n');
-    }
-    out
-}
-
-/// Appends the shortest decimal that reads back as `number`; a whole one without ".0".
-fn push_number(out: &mut Vec<u8>, number: f64) {
-    let mut buffer = zmij::Buffer::new();
-    let text = buffer.format(number);
-    out.extend_from_slice(text.strip_suffix(".0").unwrap_or(text).as_bytes());
-}
-
 #[cfg(test)]
 mod tests {
+    use super::super::View;
     use super::*;
+    use crate::mesh::Vert;
     use glam::dvec3;
 
     fn read(text: &str) -> Result<Model, String> {
@@ -415,5 +220,58 @@ mod tests {
             "v 1 -0 0.1\nv 1e+21 5e-324 1.7976931348623157e+308\nv 0.3333333333333333 100 -1e-7\nf 1 2 3\n"
         );
         assert_eq!(read(&text).unwrap(), model);
+    }
+
+    /// Reads and writes.
+    fn again(text: &str) -> String {
+        let model = read(text).unwrap_or_else(|fault| panic!("{text:?}: {fault}"));
+        assert_eq!(model.notices, [""; 0], "{text:?}");
+        String::from_utf8(format(View::from(&model))).unwrap()
+    }
+
+    #[test]
+    fn what_a_file_says_beyond_the_mesh_comes_back() {
+        let text = "\
+            # made by hand\n#\n#no blank\nmtllib a b.mtl\n\
+            v 0 0 0\nv 1 0 0 0.5 0.25 1\nv 1 1 0 128 64 255 0.5\nv 0 1 0 0.5\n\
+            vt 0.5\nvt 0 1\nvt 0 1 0.5\nvn 0 0 1\nvn 0 1 0\n\
+            o left #1\ng a b\nusemtl Material #25\ns off\n\
+            f 1/1/1 2/2/1 3/3/2\n\
+            p 1 2\nl 1/2 3 4/1\n\
+            usemtl\n\
+            f 1 3//2 4/3\n\
+            g\n\
+            f 1/2/1 2/3/1 3/2/2 4/1/2\n\
+            s 1\n";
+        assert_eq!(again(text), text);
+    }
+
+    #[test]
+    fn polygons_come_back_as_polygons() {
+        // A quadrilateral cut along 2-4, a concave pentagon, and triangles between.
+        let text = "v 0 0 0\nv 1 0 0\nv 3 2 0\nv 0 1 0\nv 1 0.5 0\nvt 0 0\nvt 1 1\n\
+            f 1 2 3\nf 1/1 2/2 3/2 4/1\nf 3 4 1\nf 1 2 5 3 4\nf 2 3 4\n";
+        assert_eq!(again(text), text);
+        assert_eq!(faces(text)[1..3], [[0, 1, 3], [1, 2, 3]]);
+    }
+
+    #[test]
+    fn what_is_left_out_is_named_with_count_and_line() {
+        let text = "v 0 0 0 1 2\nv 1 0 0\nv 0 1 0\n# late\n# again\ncstype bezier\nvn 0 x 1\nvt\n\
+            p 9\nl 1\nf 1/2 2/0 3//5\n";
+        let notices = [
+            "left out: 1 x numbers behind a vertex that are no weight and no colour (first in line 1)",
+            "left out: 2 x comment behind the head (first in line 4)",
+            "left out: 1 x \"cstype\" (first in line 6)",
+            "left out: 1 x normal (vn) that is not all numbers (first in line 7)",
+            "left out: 1 x texture coordinate (vt) that is not all numbers (first in line 8)",
+            "left out: 2 x line or point with a vertex that does not exist (first in line 9)",
+            "left out: 1 x normal of a corner that does not exist (first in line 11)",
+            "left out: 2 x texture coordinate of a corner that does not exist (first in line 11)",
+        ];
+        let model = read(text).unwrap();
+        assert_eq!(model.notices, notices);
+        let written = String::from_utf8(format(View::from(&model))).unwrap();
+        assert_eq!(written, "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt NaN\nvn 0 NaN 1\nf 1 2 3\n");
     }
 }

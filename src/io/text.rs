@@ -106,6 +106,28 @@ impl<'a> Cursor<'a> {
         &rest[..end.unwrap_or(rest.len())]
     }
 
+    /// The word that begins here, stepped over.
+    pub fn take_word(&mut self) -> &'a [u8] {
+        let word = self.peek_word();
+        self.at += word.len();
+        word
+    }
+
+    /// The rest of the line without blanks round it; steps to the next line.
+    pub fn rest_of_line(&mut self) -> &'a [u8] {
+        let start = self.at;
+        self.skip_line();
+        self.bytes[start..self.at].trim_ascii()
+    }
+
+    /// Steps over blanks; true when nothing follows on the line.
+    pub fn ends_line(&mut self) -> bool {
+        while is_blank(self.peek()) {
+            self.at += 1;
+        }
+        is_line_end(self.peek()) || self.is_at_end()
+    }
+
     /// Whether a word may end here: before a blank, a line end, a comment, a continuation, the end.
     #[inline]
     pub fn ends_word(&self) -> bool {
@@ -134,7 +156,7 @@ impl<'a> Cursor<'a> {
         }
     }
 
-    fn ends_word_after(&self, length: usize) -> bool {
+    pub fn ends_word_after(&self, length: usize) -> bool {
         Self { at: self.at + length, ..self.clone() }.ends_word()
     }
 
@@ -174,6 +196,18 @@ impl<'a> Cursor<'a> {
     pub fn fault(&self, reason: impl std::fmt::Display) -> Fault {
         Fault { line: self.line, reason: reason.to_string() }
     }
+}
+
+/// Appends the shortest decimal that reads back as `number`; a whole one without ".0".
+pub(super) fn push_number(out: &mut Vec<u8>, number: f64) {
+    let mut buffer = zmij::Buffer::new();
+    let text = buffer.format(number);
+    out.extend_from_slice(text.strip_suffix(".0").unwrap_or(text).as_bytes());
+}
+
+/// Appends a whole number.
+pub(super) fn push_whole(out: &mut Vec<u8>, number: usize) {
+    out.extend_from_slice(itoa::Buffer::new().format(number).as_bytes());
 }
 
 /// Whether `word` would be a number if its commas were points.

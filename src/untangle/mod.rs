@@ -72,13 +72,11 @@ pub(crate) struct Context<'a> {
     /// The mesh after it.
     pub refined: &'a Refined,
     /// The fit of each old vertex, if it has one.
-    pub fit: &'a (dyn Fn(Vert) -> Option<&'a Fit> + Sync),
+    pub fit: &'a dyn Fn(Vert) -> Option<&'a Fit>,
     /// Whether an old vertex is an end of a chamfer edge.
     pub is_chamfer_end: &'a dyn Fn(Vert) -> bool,
     /// Whether an inserted vertex went onto its feature.
     pub is_moved: &'a dyn Fn(Vert) -> bool,
-    /// The middle of each inserted vertex's edge or face. `[N]`
-    pub middles: &'a [DVec3],
     /// Mean edge length of the mesh before subdivision.
     pub mean_edge: f64,
 }
@@ -128,7 +126,7 @@ pub(crate) fn untangle(context: &Context<'_>, edit: &mut Edit<'_>) -> UntangleCo
 
 impl<'z, 'c, 'm> Zone<'z, 'c, 'm> {
     fn new(context: &'z Context<'c>, edit: &'z mut Edit<'m>) -> Self {
-        let Refined { mesh, lineage, creases } = context.refined;
+        let Refined { mesh, lineage, creases, .. } = context.refined;
         let n_old = context.before.n_verts();
         let mut is_inner = PerVert::filled(mesh.n_verts(), false);
         for f in mesh.face_ids() {

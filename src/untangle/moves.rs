@@ -403,7 +403,7 @@ impl Zone<'_, '_, '_> {
 
     /// Moves an inserted vertex part of the way back to the middle of its edge or face.
     fn try_back(&mut self, v: Vert) -> Option<(f64, DVec3)> {
-        let middle = self.context.middles[v.index().checked_sub(self.n_old)?];
+        let middle = self.context.refined.middles[v.index().checked_sub(self.n_old)?];
         let faces: Vec<Face> = self.edit.faces_at(v).collect();
         let old: f64 = faces.iter().map(|&f| self.energy(f).value).sum();
         let mut best: Option<(f64, DVec3)> = None;

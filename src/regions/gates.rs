@@ -1,0 +1,375 @@
+//! Which chamfers to believe (steps 8, 8b and 9): do no harm.
+
+use std::collections::BTreeMap;
+
+use serde::Serialize;
+
+use super::{Surface, VertexFits};
+use crate::fit::{Fit, FitSource};
+use crate::mesh::{Half, Mesh, Vert};
+
+/// A region fit counts towards the noise, or as a witness of the surface, with this many samples.
+const WITNESS_MEMBERS: usize = 6;
+
+/// The ends of a strip are at most this far from their fits on average, in h ...
+const STRIP_DISPLACEMENT: f64 = 0.06;
+/// ... plus this many times the noise. Rounded edges have 0.07 to 0.23, true ones on marching cubes 0.03.
+const STRIP_DISPLACEMENT_PER_NOISE: f64 = 2.0;
+/// A strip whose fits leave a larger residual (in h) than this on average has to be long to be believed:
+/// scans are full of short false ones ...
+const STRIP_RMS: f64 = 0.01;
+/// ... with at least this many edges. At 100 small meshes lose their creases.
+const LONG_STRIP: usize = 30;
+
+/// The ends of a round lie this far on the inner side of their fits on average, in h; samples beside a
+/// crease lie on theirs, and noise averages out. True creases on marching cubes reach 0.062 ...
+const ROUND_DISPLACEMENT: f64 = 0.045;
+/// ... where the residual is small: the limit is this less the residual, if that is more.
+const ROUND_DISPLACEMENT_AND_RMS: f64 = 0.068;
+/// That is judged on this many ends with a region's fit ...
+const ROUND_ENDS: usize = 6;
+/// ... where less than this share of the ends carries a guess.
+const ROUND_GUESSED: f64 = 0.4;
+/// A strip with fewer edges than this, more than [`MAX_GUESSED`] of whose ends carry a guess, is not
+/// believed.
+const SHORT_STRIP: usize = 10;
+const MAX_GUESSED: f64 = 0.5;
+
+/// A sample is off the surface when it is this far from a fit, in h ...
+const OFF_DISPLACEMENT: f64 = 0.03;
+/// ... and this many times the fit's residual ...
+const OFF_IN_RMS: f64 = 5.0;
+/// ... which has to be below this, in h, for the fit to be a witness.
+const WITNESS_RMS: f64 = 0.01;
+/// Share of samples off the surface from which on it is the sampling and not chance. Measured: marching
+/// cubes .20 to .51; marching intersections, remeshed and scanned .05 or less.
+const OFF_SHARE: f64 = 0.12;
+/// Share of witnesses that is needed to be sure. Organic meshes have .16 and less, noisy ones 0.
+const WITNESS_SHARE: f64 = 0.8;
+
+/// What became of a strip.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Fate {
+    /// It is a chamfer.
+    Kept,
+    /// Its vertices are too far from the fits that should explain them.
+    FarFromFits,
+    /// It is short and its fits are poor.
+    PoorFits,
+    /// Its vertices lie on the inner side of their fits: a round.
+    Round,
+    /// It is short and rests on guesses.
+    Guessed,
+}
+
+/// Candidate edges that share triangles, and why they are believed or not. Lengths in mean edges.
+#[derive(Clone, Debug, Serialize)]
+pub struct Strip {
+    /// How many edges it has.
+    pub n_edges: usize,
+    /// Mean distance of the ends from the fits of their regions.
+    pub displacement: f64,
+    /// Mean residual of the fits of the ends.
+    pub rms: f64,
+    /// Mean distance of the doubtful ends towards the inner side of their regions' fits ...
+    pub inward: f64,
+    /// ... and how many ends that is the mean of.
+    pub n_inward: usize,
+    /// Share of ends that carry a guess instead of a region's fit.
+    pub guessed: f64,
+    /// What became of it.
+    pub fate: Fate,
+}
+
+/// Whether the samples beside chamfers are off the surface.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct OffSurface {
+    /// Share of the labels that are good enough to tell.
+    pub witnesses: f64,
+    /// Share of the witnesses' vertices that are off the surface.
+    pub share: f64,
+}
+
+impl OffSurface {
+    /// Whether it looks as if they were.
+    pub(super) fn is_likely(self) -> bool {
+        self.share >= OFF_SHARE
+    }
+
+    /// Whether they are for certain, so that they have to be moved.
+    pub(super) fn is_certain(self) -> bool {
+        self.is_likely() && self.witnesses >= WITNESS_SHARE
+    }
+}
+
+/// The median residual of the region fits, in h; 0 where there is none.
+pub(super) fn noise(fits: &VertexFits) -> f64 {
+    let is_witness = |fit: &&Fit| fit.source == FitSource::Region && fit.n_members >= WITNESS_MEMBERS;
+    let mut rms: Vec<f64> = fits.iter().map(|(_, fit)| fit).filter(is_witness).map(|fit| fit.rms).collect();
+    if rms.is_empty() {
+        return 0.0;
+    }
+    let middle = rms.len() / 2;
+    let is_even = rms.len().is_multiple_of(2);
+    let (lower, &mut median, _) = rms.select_nth_unstable_by(middle, f64::total_cmp);
+    let below = lower.iter().copied().fold(0.0, f64::max);
+    if is_even { median.midpoint(below) } else { median }
+}
+
+/// Step 9: how many of the doubtful ends of `chamfers` are off the surface.
+pub(super) fn off_surface(surface: &Surface, fits: &VertexFits, chamfers: &[Half]) -> OffSurface {
+    let (mut n_labels, mut n_witnesses, mut n_off) = (0, 0, 0);
+    let ends = ends_of(surface.mesh, chamfers);
+    for fit in ends.into_iter().filter(|&v| !surface.interior[v]).filter_map(|v| fits.get(v)) {
+        n_labels += 1;
+        let is_region = fit.source == FitSource::Region;
+        if is_region && fit.n_members >= WITNESS_MEMBERS && fit.rms < WITNESS_RMS {
+            n_witnesses += 1;
+            n_off += usize::from(fit.displacement.abs() > OFF_DISPLACEMENT.max(OFF_IN_RMS * fit.rms));
+        }
+    }
+    let share = |part: usize, whole: usize| part as f64 / whole.max(1) as f64;
+    OffSurface { witnesses: share(n_witnesses, n_labels), share: share(n_off, n_witnesses) }
+}
+
+/// The vertices of `edges`, ascending, each once.
+pub(super) fn ends_of(mesh: &Mesh, edges: &[Half]) -> Vec<Vert> {
+    let mut ends: Vec<Vert> = edges.iter().flat_map(|&h| [mesh.from(h), mesh.to(h)]).collect();
+    ends.sort_unstable();
+    ends.dedup();
+    ends
+}
+
+/// Steps 8 and 8b: groups `candidates` into strips and judges each. Returns the strip of each candidate,
+/// and the strips in the order of their lowest edges.
+pub(super) fn judge_strips(
+    surface: &Surface,
+    fits: &VertexFits,
+    candidates: &[Half],
+    noise: f64,
+) -> (Vec<u32>, Vec<Strip>) {
+    let (strip_of, n_strips) = group_by_triangles(surface.mesh, candidates);
+    let mut sums = vec![Sums::default(); n_strips];
+    for (&h, &strip) in candidates.iter().zip(&strip_of) {
+        sums[strip as usize].add(surface, fits, h);
+    }
+    (strip_of, sums.iter().map(|sums| sums.strip(noise)).collect())
+}
+
+/// Numbers the groups of `edges` that share triangles, in the order of their lowest edges.
+fn group_by_triangles(mesh: &Mesh, edges: &[Half]) -> (Vec<u32>, usize) {
+    let mut parents: Vec<u32> = (0..edges.len() as u32).collect();
+    fn root(parents: &mut [u32], mut i: u32) -> u32 {
+        while parents[i as usize] != i {
+            parents[i as usize] = parents[parents[i as usize] as usize];
+            i = parents[i as usize];
+        }
+        i
+    }
+    for (i, &h) in edges.iter().enumerate() {
+        let faces = [Some(h), mesh.twin(h)].into_iter().flatten();
+        for other in faces.flat_map(|h| [h.next(), h.prev()]) {
+            if let Ok(j) = edges.binary_search(&mesh.edge(other)) {
+                let (a, b) = (root(&mut parents, i as u32), root(&mut parents, j as u32));
+                parents[a.max(b) as usize] = a.min(b);
+            }
+        }
+    }
+    let mut numbers = BTreeMap::new();
+    let mut group = Vec::with_capacity(edges.len());
+    for i in 0..edges.len() as u32 {
+        let next = numbers.len() as u32;
+        group.push(*numbers.entry(root(&mut parents, i)).or_insert(next));
+    }
+    (group, numbers.len())
+}
+
+/// What is summed up over the edges of a strip.
+#[derive(Clone, Default)]
+struct Sums {
+    n_edges: usize,
+    displacement: f64,
+    rms: f64,
+    inward: f64,
+    n_inward: usize,
+    n_guessed: usize,
+}
+
+impl Sums {
+    fn add(&mut self, surface: &Surface, fits: &VertexFits, h: Half) {
+        let ends = [surface.mesh.from(h), surface.mesh.to(h)];
+        let (Some(p), Some(q)) = (fits.get(ends[0]), fits.get(ends[1])) else { return };
+        self.n_edges += 1;
+        // Positive where the two fits make a ridge, negative where they make a valley.
+        let along = surface.mesh.point(ends[1]) - surface.mesh.point(ends[0]);
+        let bend = along.dot(q.normal) - along.dot(p.normal);
+        for (v, fit) in ends.into_iter().zip([p, q]) {
+            self.rms += fit.rms;
+            if fit.source != FitSource::Region {
+                self.n_guessed += 1;
+            } else if !surface.interior[v] {
+                self.displacement += fit.displacement.abs();
+                if fit.displacement != 0.0 && bend != 0.0 {
+                    self.inward += fit.displacement * bend.signum();
+                    self.n_inward += 1;
+                }
+            }
+        }
+    }
+
+    fn strip(&self, noise: f64) -> Strip {
+        let n_ends = (2 * self.n_edges).max(1) as f64;
+        let mut strip = Strip {
+            n_edges: self.n_edges,
+            displacement: self.displacement / n_ends,
+            rms: self.rms / n_ends,
+            inward: self.inward / self.n_inward.max(1) as f64,
+            n_inward: self.n_inward,
+            guessed: self.n_guessed as f64 / n_ends,
+            fate: Fate::Kept,
+        };
+        strip.fate = strip.judge(noise);
+        strip
+    }
+}
+
+impl Strip {
+    fn judge(&self, noise: f64) -> Fate {
+        let round = ROUND_DISPLACEMENT.max(ROUND_DISPLACEMENT_AND_RMS - self.rms);
+        if self.displacement > STRIP_DISPLACEMENT + STRIP_DISPLACEMENT_PER_NOISE * noise {
+            Fate::FarFromFits
+        } else if self.rms > STRIP_RMS && self.n_edges < LONG_STRIP {
+            Fate::PoorFits
+        } else if self.inward > round && self.guessed < ROUND_GUESSED && self.n_inward >= ROUND_ENDS {
+            Fate::Round
+        } else if self.n_edges < SHORT_STRIP && self.guessed > MAX_GUESSED {
+            Fate::Guessed
+        } else {
+            Fate::Kept
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::tests::mesh;
+    use crate::regions::tests::{labels, planes};
+    use FitSource::{Leftover, Region};
+    use approx::assert_relative_eq;
+    use glam::{DVec3, dvec3};
+
+    // 1---3---5---7
+    // | / | / | / |      edges 0-3, 2-5 and 4-7 are the diagonals
+    // 0---2---4---6
+    fn strip() -> Mesh {
+        let points: Vec<_> = (0..8).map(|i| [f64::from(i / 2), f64::from(i % 2), 0.0]).collect();
+        mesh(&points, &[[0, 2, 3], [0, 3, 1], [2, 4, 5], [2, 5, 3], [4, 6, 7], [4, 7, 5]])
+    }
+
+    fn edge(mesh: &Mesh, a: usize, b: usize) -> Half {
+        mesh.edge(mesh.half_between(Vert::new(a), Vert::new(b)).unwrap())
+    }
+
+    #[test]
+    fn edges_that_share_a_triangle_make_one_strip() {
+        let m = strip();
+        let mut edges = [(0, 3), (2, 3), (4, 7)].map(|(a, b)| edge(&m, a, b));
+        edges.sort_unstable();
+        assert_eq!(group_by_triangles(&m, &edges), (vec![0, 0, 1], 2));
+        let mut edges = [(0, 3), (2, 3), (2, 5), (4, 5), (4, 7)].map(|(a, b)| edge(&m, a, b));
+        edges.sort_unstable();
+        assert_eq!(group_by_triangles(&m, &edges), (vec![0; 5], 1));
+    }
+
+    #[test]
+    fn a_strip_knows_its_numbers() {
+        // A ridge along x between a side that faces up and one that faces +y: vertex 0, on the first, is
+        // 0.1 below it (the round's inner side), vertex 3 0.2 above the other; vertex 2 is a guess.
+        let m = strip();
+        let (normals, labels) = labels(&m);
+        let mut surface = Surface::new(&m, &normals, &labels);
+        surface.interior = crate::mesh::PerVert::filled(8, false);
+        let (up, along) = (DVec3::Z, dvec3(0.0, 1.0, 0.0));
+        let fits = planes(&m, &[(0, up, 0.1, Region), (2, up, 0.0, Leftover), (3, along, -0.2, Region)]);
+        let mut edges = [(0, 3), (2, 3)].map(|(a, b)| edge(&m, a, b));
+        edges.sort_unstable();
+        let (strip_of, strips) = judge_strips(&surface, &fits, &edges, 0.0);
+        assert_eq!((strip_of, strips.len()), (vec![0, 0], 1));
+        let strip = &strips[0];
+        assert_eq!((strip.n_edges, strip.n_inward, strip.rms, strip.guessed), (2, 3, 0.0, 0.25));
+        assert_relative_eq!(strip.displacement, (0.1 + 0.2 + 0.2) / 4.0);
+        assert_relative_eq!(strip.inward, (0.1 - 0.2 - 0.2) / 3.0);
+        assert_eq!(strip.fate, Fate::FarFromFits);
+        // An interior end counts neither as displaced nor as inward.
+        surface.interior[Vert::new(3)] = true;
+        let strip = &judge_strips(&surface, &fits, &edges, 0.0).1[0];
+        assert_eq!((strip.displacement, strip.inward, strip.n_inward), (0.1 / 4.0, 0.1, 1));
+        // A valley: the same displacement is outward.
+        let fits = planes(&m, &[(0, up, 0.1, Region), (3, -along, 0.0, Region)]);
+        assert_relative_eq!(judge_strips(&surface, &fits, &[edge(&m, 0, 3)], 0.0).1[0].inward, -0.1);
+    }
+
+    #[test]
+    fn each_gate_has_its_threshold() {
+        let sound = Strip {
+            n_edges: 40,
+            displacement: 0.03,
+            rms: 0.005,
+            inward: 0.02,
+            n_inward: 40,
+            guessed: 0.1,
+            fate: Fate::Kept,
+        };
+        let fate = |strip: Strip, noise| strip.judge(noise);
+        assert_eq!(fate(sound.clone(), 0.0), Fate::Kept);
+        assert_eq!(fate(Strip { displacement: 0.07, ..sound.clone() }, 0.0), Fate::FarFromFits);
+        assert_eq!(fate(Strip { displacement: 0.07, ..sound.clone() }, 0.01), Fate::Kept);
+        let poor = Strip { rms: 0.02, n_edges: 29, ..sound.clone() };
+        assert_eq!(fate(poor.clone(), 0.0), Fate::PoorFits);
+        assert_eq!(fate(Strip { n_edges: 30, ..poor }, 0.0), Fate::Kept);
+        let round = Strip { inward: 0.064, ..sound.clone() };
+        assert_eq!(fate(round.clone(), 0.0), Fate::Round, "0.068 less the residual");
+        assert_eq!(fate(Strip { rms: 0.001, ..round.clone() }, 0.0), Fate::Kept);
+        assert_eq!(fate(Strip { n_inward: 5, ..round.clone() }, 0.0), Fate::Kept);
+        assert_eq!(fate(Strip { guessed: 0.4, ..round }, 0.0), Fate::Kept);
+        let guess = Strip { n_edges: 9, guessed: 0.51, ..sound };
+        assert_eq!(fate(guess.clone(), 0.0), Fate::Guessed);
+        assert_eq!(fate(Strip { n_edges: 10, ..guess }, 0.0), Fate::Kept);
+    }
+
+    #[test]
+    fn the_noise_is_the_median_residual_of_region_fits_with_enough_samples() {
+        let m = strip();
+        let fit = |v: usize, rms: f64, n_members: usize, source| {
+            (Vert::new(v), Fit { rms, n_members, ..Fit::plane(DVec3::ZERO, DVec3::Z, source) })
+        };
+        let mut list = vec![
+            fit(0, 0.4, 6, Region),
+            fit(1, 0.1, 6, Region),
+            fit(2, 9.0, 5, Region),
+            fit(3, 9.0, 9, Leftover),
+        ];
+        assert_eq!(noise(&VertexFits::of(8, list.clone())), 0.25);
+        list.push(fit(4, 0.2, 7, Region));
+        assert_eq!(noise(&VertexFits::of(m.n_verts(), list)), 0.2);
+        assert_eq!(noise(&VertexFits::default()), 0.0);
+    }
+
+    #[test]
+    fn samples_are_off_the_surface_by_the_word_of_good_fits() {
+        let m = strip();
+        let (normals, labels) = labels(&m);
+        let mut surface = Surface::new(&m, &normals, &labels);
+        surface.interior = crate::mesh::PerVert::filled(8, false);
+        surface.interior[Vert::new(5)] = true;
+        let list = [(0, 0.2, Region), (2, 0.02, Region), (3, 0.2, Leftover), (5, 0.2, Region)];
+        let fits = planes(&m, &list.map(|(v, d, source)| (v, DVec3::Z, d, source)));
+        let chamfers = [(0, 3), (2, 5), (4, 7)].map(|(a, b)| edge(&m, a, b));
+        let off = off_surface(&surface, &fits, &chamfers);
+        // Vertex 5 is interior, 4 and 7 have no fit, 3 has a guess; of 0 and 2 the first is off.
+        assert_eq!(off, OffSurface { witnesses: 2.0 / 3.0, share: 0.5 });
+        assert!(off.is_likely() && !off.is_certain());
+    }
+}

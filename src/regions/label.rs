@@ -1,0 +1,314 @@
+//! Which fit explains each doubtful vertex (steps 4 to 6, second pass and late adoption).
+
+use rayon::prelude::*;
+
+use super::VertexFits;
+use super::patch::{Cluster, Member, Patch};
+use super::surface::{Surface, per_vertex};
+use crate::fit::{Fit, FitSource, Sample, fit_samples};
+use crate::mesh::Vert;
+
+/// Samples that are not deep inside their region are trusted this much: their normals lean towards the
+/// chamfer, but small regions have no others.
+const SHALLOW_TRUST: f64 = 0.1;
+/// Where a fit leaves more than this residual (in h) ...
+const ERODED_RMS: f64 = 0.002;
+/// ... and at least this many of its samples lie deep inside the region, these are tried alone ...
+const ERODED_MEMBERS: usize = 8;
+/// ... and taken if they leave less than this share of the residual. On marching cubes the samples beside
+/// a crease are off the surface and spoil the fit; curvature and noise raise both residuals alike.
+const ERODED_GAIN: f64 = 0.3;
+/// A fit with a larger residual (in h) is no smooth surface.
+const MAX_RMS: f64 = 0.25;
+/// What a region loses for each h that it is farther away, in h of displacement: of two regions that
+/// explain a vertex nearly as well the nearer one is meant.
+const DISTANCE_PENALTY: f64 = 0.08;
+/// A vertex farther from every fit (in h) is not explained. Marching cubes puts samples up to 0.33 h off;
+/// forcing a label on every vertex makes errors above the input's.
+const EXPLAINED: f64 = 0.35;
+
+/// Leftover vertices this many rings round one may join its fit ...
+const LEFTOVER_RINGS: usize = 3;
+/// ... which takes this many of them ...
+const LEFTOVER_MEMBERS: usize = 4;
+/// ... and has to be this good: residual and displacement in h. At a residual of 0.03 coarse meshes lose
+/// a tenth of their gain, at 0.1 finely sampled ones a quarter.
+const LEFTOVER_RMS: f64 = 0.05;
+const LEFTOVER_DISPLACEMENT: f64 = 0.1;
+
+/// On samples that lie on the surface, a label this far (in h) from its vertex is wrong ...
+const FAR: f64 = 0.15;
+/// ... or this many times the noise.
+const FAR_IN_NOISE: f64 = 5.0;
+
+/// A vertex adopts the fit of a neighbour if it lies within this distance of it, in h ...
+const ADOPTED_DISPLACEMENT: f64 = 0.1;
+/// ... and one of its faces within this angle (cosine; 40 degrees) of the fit's normal.
+const ADOPTED_COSINE: f64 = 0.77;
+
+/// Steps 3 to 5: gives each doubtful vertex the fit of the smooth region that explains it best.
+pub(super) fn explain_by_regions(surface: &Surface) -> VertexFits {
+    let mut fits = VertexFits::none(surface.mesh.n_verts(), surface.doubtful());
+    let normals = per_vertex(surface.mesh, |v| surface.normal(v, |_| true));
+    let per_h = surface.h.recip();
+    let explain = |(patch, samples): &mut (Patch, Vec<Sample>), &v: &Vert| {
+        patch.search(surface, v);
+        let fit = |samples: &mut Vec<Sample>, cluster: &Cluster| {
+            let sample = |member: &Member| Sample {
+                offset: member.offset * per_h,
+                normal: normals[member.vertex],
+                trust: if surface.deep[member.vertex] { 1.0 } else { SHALLOW_TRUST },
+            };
+            let members = patch.members(cluster);
+            samples.clear();
+            samples.extend(members.iter().map(sample));
+            let fit = fit_samples(surface.mesh.point(v), samples, FitSource::Region)?;
+            let deep = members.iter().filter(|member| surface.deep[member.vertex]);
+            let n_deep = deep.clone().count();
+            if fit.rms > ERODED_RMS && (ERODED_MEMBERS..members.len()).contains(&n_deep) {
+                samples.clear();
+                samples.extend(deep.map(sample));
+                let eroded = fit_samples(surface.mesh.point(v), samples, FitSource::Region);
+                if let Some(eroded) = eroded.filter(|eroded| eroded.rms < ERODED_GAIN * fit.rms) {
+                    return Some(eroded);
+                }
+            }
+            Some(fit).filter(|fit| fit.rms <= MAX_RMS)
+        };
+        if surface.interior[v] {
+            return patch.clusters().first().and_then(|own| fit(samples, own));
+        }
+        let mut best: Option<(f64, Fit)> = None;
+        for cluster in patch.clusters() {
+            let penalty = DISTANCE_PENALTY * (cluster.distance() * per_h - 1.0);
+            if best.as_ref().is_some_and(|&(score, _)| score <= penalty) {
+                break; // No region from here on can be better.
+            }
+            let Some(fit) = fit(samples, cluster) else { continue };
+            let score = fit.displacement.abs() + penalty;
+            if best.as_ref().is_none_or(|&(least, _)| score < least) {
+                best = Some((score, fit));
+            }
+        }
+        best.map(|(_, fit)| fit).filter(|fit| fit.displacement.abs() < EXPLAINED)
+    };
+    fits.fits = fits.verts.par_iter().map_init(Default::default, explain).collect();
+    fits
+}
+
+/// Step 6a: a vertex that no region explains, but that has red faces, keeps the papers' plane.
+pub(super) fn explain_by_red_faces(surface: &Surface, fits: &mut VertexFits) {
+    explain_the_rest(surface, fits, |_, v| {
+        let normal = surface.normal(v, |f| surface.red_face[f]);
+        (normal != glam::DVec3::ZERO).then(|| Fit::plane(surface.mesh.point(v), normal, FitSource::Paper))
+    });
+}
+
+/// Step 6b: fits among the vertices that are still without one.
+pub(super) fn explain_by_leftovers(surface: &Surface, fits: &mut VertexFits) {
+    explain_the_rest(surface, fits, |fits, centre| {
+        let is_left = |v: Vert| !surface.interior[v] && fits.get(v).is_none();
+        let mut members = vec![centre];
+        let mut ring_start = 0;
+        for _ in 0..LEFTOVER_RINGS {
+            let ring = ring_start..members.len();
+            ring_start = members.len();
+            for i in ring {
+                for &w in surface.neighbours.of_vertex(members[i]) {
+                    if is_left(w) && !members.contains(&w) {
+                        members.push(w);
+                    }
+                }
+            }
+        }
+        let is_left_face = |f| surface.mesh.corners(f).into_iter().all(is_left);
+        let sample = |&v: &Vert| {
+            let normal = surface.normal(v, is_left_face);
+            let offset = (surface.mesh.point(v) - surface.mesh.point(centre)) / surface.h;
+            (normal != glam::DVec3::ZERO).then_some(Sample { offset, normal, trust: 1.0 })
+        };
+        let mut samples: Vec<Sample> = members.iter().filter_map(sample).collect();
+        if samples.len() < LEFTOVER_MEMBERS {
+            return None;
+        }
+        let fit = fit_samples(surface.mesh.point(centre), &mut samples, FitSource::Leftover)?;
+        let is_good = fit.rms <= LEFTOVER_RMS && fit.displacement.abs() <= LEFTOVER_DISPLACEMENT;
+        is_good.then_some(fit)
+    });
+}
+
+/// Second pass: takes back the labels that are far from their vertex, and all guesses.
+pub(super) fn take_back_far_labels(surface: &Surface, fits: &mut VertexFits, noise: f64) {
+    let limit = EXPLAINED.min(FAR.max(FAR_IN_NOISE * noise));
+    for (&v, fit) in fits.verts.iter().zip(&mut fits.fits) {
+        let is_wrong = |fit: &Fit| fit.source != FitSource::Region || fit.displacement.abs() > limit;
+        if !surface.interior[v] && fit.as_ref().is_some_and(is_wrong) {
+            *fit = None;
+        }
+    }
+}
+
+/// Late adoption: a vertex that is still without a fit takes that of the neighbour on whose fit it lies
+/// best, if it does. The papers' planes are not handed on.
+pub(super) fn adopt_from_neighbours(surface: &Surface, fits: &mut VertexFits) {
+    explain_the_rest(surface, fits, |fits, v| {
+        let point = surface.mesh.point(v);
+        let mut nearest: Option<(f64, Fit)> = None;
+        let handed_on = |w: &Vert| fits.get(*w).filter(|fit| fit.source != FitSource::Paper);
+        for fit in surface.neighbours.of_vertex(v).iter().filter_map(handed_on) {
+            let (distance, normal) = fit.evaluate(point, surface.h);
+            let distance = distance.abs();
+            let follows = |h: &crate::mesh::Half| surface.face_normals[h.face()].dot(normal) > ADOPTED_COSINE;
+            if distance <= ADOPTED_DISPLACEMENT
+                && nearest.as_ref().is_none_or(|&(least, _)| distance < least)
+                && surface.mesh.leaving(v).iter().any(follows)
+            {
+                let source = FitSource::Adopted;
+                nearest = Some((distance, Fit { displacement: 0.0, normal, source, ..fit.clone() }));
+            }
+        }
+        nearest.map(|(_, fit)| fit)
+    });
+}
+
+/// Gives a fit to each vertex without one, all from the same state.
+fn explain_the_rest(
+    surface: &Surface,
+    fits: &mut VertexFits,
+    explain: impl Fn(&VertexFits, Vert) -> Option<Fit> + Sync,
+) {
+    let is_left = |v: &&Vert| !surface.interior[**v] && fits.get(**v).is_none();
+    let left: Vec<Vert> = fits.verts.iter().filter(is_left).copied().collect();
+    let found: Vec<_> = left.par_iter().map(|&v| explain(fits, v)).collect();
+    for (v, fit) in left.into_iter().zip(found) {
+        if let Some(fit) = fit {
+            fits.set(v, fit);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::tests::mesh;
+    use crate::mesh::{Mesh, PerFace, PerVert};
+    use crate::regions::tests::{cut_cube, labels, planes};
+    use FitSource::{Adopted, Leftover, Paper, Region};
+    use approx::assert_relative_eq;
+    use glam::{DVec3, dvec3};
+
+    /// A surface that says nothing about its vertices: none is interior, no face red.
+    fn surface<'a>(mesh: &'a Mesh, normals: &'a PerFace<DVec3>) -> Surface<'a> {
+        let mut surface = Surface::new(mesh, normals, &labels(mesh).1);
+        surface.h = 1.0;
+        surface.interior = PerVert::filled(mesh.n_verts(), false);
+        surface.deep = surface.interior.clone();
+        surface.red_face = PerFace::filled(mesh.n_faces(), false);
+        surface
+    }
+
+    #[test]
+    fn vertices_beside_an_edge_take_the_side_they_lie_on() {
+        let m = cut_cube(6);
+        let normals = m.face_normals();
+        let fits = explain_by_regions(&Surface::new(&m, &normals, &labels(&m).1));
+        assert!(fits.iter().count() > 100);
+        for (v, fit) in fits.iter() {
+            let p = m.point(v);
+            let outward = DVec3::from(p.to_array().map(|c| f64::from(c == 6.0) - f64::from(c == 0.0)));
+            assert!(fit.normal.distance(outward) < 1e-9, "{v:?} at {p}: {}", fit.normal);
+            assert!(fit.displacement.abs() < 1e-9 && fit.source == Region);
+        }
+    }
+
+    // 1---3---5---7
+    // | / | / | / |      all in the plane z = 0
+    // 0---2---4---6
+    fn strip() -> Mesh {
+        let points: Vec<_> = (0..8).map(|i| [f64::from(i / 2), f64::from(i % 2), 0.0]).collect();
+        mesh(&points, &[[0, 2, 3], [0, 3, 1], [2, 4, 5], [2, 5, 3], [4, 6, 7], [4, 7, 5]])
+    }
+
+    #[test]
+    fn what_no_region_explains_keeps_the_plane_of_its_red_faces() {
+        let m = strip();
+        let normals = m.face_normals();
+        let mut surface = surface(&m, &normals);
+        surface.red_face[crate::mesh::Face::new(0)] = true;
+        surface.interior[Vert::new(0)] = true;
+        let mut fits = planes(&m, &[(3, DVec3::X, 0.0, Region)]);
+        // Room for all, as `doubtful` gives it.
+        let mut all = VertexFits::none(8, m.verts().collect());
+        all.set(Vert::new(3), fits.fits[0].take().unwrap());
+        explain_by_red_faces(&surface, &mut all);
+        let found: Vec<_> = all.iter().map(|(v, fit)| (v.index(), fit.normal, fit.source)).collect();
+        assert_eq!(found, [(2, DVec3::Z, Paper), (3, DVec3::X, Region)], "0 is interior, 3 has a fit");
+    }
+
+    #[test]
+    fn leftovers_fit_each_other_if_they_are_enough_and_smooth() {
+        let m = strip();
+        let normals = m.face_normals();
+        let mut fits = VertexFits::none(8, m.verts().collect());
+        explain_by_leftovers(&surface(&m, &normals), &mut fits);
+        assert!(fits.iter().count() == 8 && fits.iter().all(|(_, fit)| fit.source == Leftover));
+        assert!(fits.iter().all(|(_, fit)| fit.normal.distance(DVec3::Z) < 1e-9 && fit.rms < 1e-7));
+        // Three of them are not enough, also where others with a region's fit are next to them.
+        let mut fits = VertexFits::none(8, m.verts().collect());
+        for v in 3..8 {
+            fits.set(Vert::new(v), Fit::plane(DVec3::ZERO, DVec3::Z, Region));
+        }
+        explain_by_leftovers(&surface(&m, &normals), &mut fits);
+        assert_eq!(fits.iter().filter(|(_, fit)| fit.source == Leftover).count(), 0);
+        // A strip folded by 90 degrees is not smooth.
+        let (mut points, faces) = strip().into_parts();
+        points[4..].iter_mut().for_each(|p| *p = dvec3(1.0, p.y, 1.0 - p.x));
+        let folded = Mesh::new(points, faces).unwrap();
+        let normals = folded.face_normals();
+        let mut fits = VertexFits::none(8, folded.verts().collect());
+        explain_by_leftovers(&surface(&folded, &normals), &mut fits);
+        assert_eq!(fits.iter().count(), 0);
+    }
+
+    #[test]
+    fn far_labels_and_guesses_are_taken_back() {
+        let m = strip();
+        let normals = m.face_normals();
+        let mut surface = surface(&m, &normals);
+        surface.interior[Vert::new(4)] = true;
+        let list =
+            [(0, 0.14, Region), (1, 0.16, Region), (2, 0.0, Leftover), (3, 0.0, Paper), (4, 0.3, Region)];
+        let list = list.map(|(v, d, source)| (v, DVec3::Z, d, source));
+        let left = |noise| {
+            let mut fits = planes(&m, &list);
+            take_back_far_labels(&surface, &mut fits, noise);
+            fits.iter().map(|(v, _)| v.index()).collect::<Vec<_>>()
+        };
+        assert_eq!(left(0.0), [0, 4], "an interior vertex keeps its own region");
+        assert_eq!(left(0.04), [0, 1, 4], "five times the noise is 0.2");
+    }
+
+    #[test]
+    fn a_vertex_adopts_the_fit_of_the_neighbour_on_which_it_lies_best() {
+        // Vertex 5 is next to 2, 3, 4 and 7; the planes of 2, 3 and 4 pass 0.04, 0.02 and 0 from it.
+        let m = strip();
+        let normals = m.face_normals();
+        let surface = surface(&m, &normals);
+        let adopted = |list: &[(usize, DVec3, f64, FitSource)]| {
+            let mut fits = VertexFits::none(8, m.verts().collect());
+            for (v, fit) in planes(&m, list).iter() {
+                fits.set(v, fit.clone());
+            }
+            adopt_from_neighbours(&surface, &mut fits);
+            fits.get(Vert::new(5)).cloned()
+        };
+        let steep = dvec3(1.0, 0.0, 0.0);
+        let list = [(2, DVec3::Z, 0.04, Region), (3, DVec3::Z, -0.02, Region), (4, DVec3::Z, 0.0, Paper)];
+        let fit = adopted(&list).unwrap();
+        assert_eq!((fit.source, fit.displacement, fit.normal), (Adopted, 0.0, DVec3::Z));
+        assert_relative_eq!(fit.evaluate(m.point(Vert::new(5)), 1.0).0, 0.02, epsilon = 1e-12);
+        // Too far off; or no face that follows the fit.
+        assert!(adopted(&[(3, DVec3::Z, 0.11, Region)]).is_none());
+        assert!(adopted(&[(7, steep, -1.0, Region)]).is_none());
+    }
+}

@@ -1,0 +1,288 @@
+//! Where vertices go: samples onto their fit, new vertices to where fits meet (steps 9 to 11).
+
+use glam::DVec3;
+use rayon::prelude::*;
+
+use super::gates::ends_of;
+use super::{RegionLabels, Surface, VertexFits};
+use crate::fit::{Fit, FitSource};
+use crate::geometry::{Plane, nearest_on_all, nearest_on_both};
+use crate::mesh::{Face, Half, Mesh, Vert};
+use crate::place::{Outcome, Placement};
+use crate::refine::Inserts;
+
+/// A sample is moved onto its fit only if it is farther off than this, in h ...
+const MIN_MOVE: f64 = 0.003;
+/// ... and this many times the fit's residual, ...
+const MIN_MOVE_IN_RMS: f64 = 6.0;
+/// ... and not so far that the fit must be the wrong one.
+const MAX_MOVE: f64 = 0.5;
+
+/// Newton steps: the fits are nearly planes, and three leave nothing that a float can see.
+const NEWTON_STEPS: usize = 3;
+/// Fits whose normals have a smaller sine between them count as parallel.
+const MIN_SINE: f64 = 0.1;
+/// A step goes at most this many times the edge's length from the middle, so that the next one starts
+/// where the fits still mean something.
+const MAX_STEP: f64 = 4.0;
+/// A strip is mixed, convex on one side and concave on the other, when both ends rise above the other's
+/// fit by more than this share of their distance, or both fall below it.
+const MIXED: f64 = 0.02;
+/// A new vertex goes at most this many times the split edge (a corner's: the longest edge) from the
+/// middle. At 1.5 correct acute edges pass and no spike does ...
+pub const MAX_SHIFT: f64 = 1.5;
+/// ... but where a fit is a guess or leaves a residual of more than [`POOR_RMS`] (in h) half of that.
+const MAX_SHIFT_OF_GUESS: f64 = 0.75;
+const POOR_RMS: f64 = 0.02;
+/// The limit never falls below that of an edge of this length, in h: slivers have none to speak of.
+const MIN_EDGE: f64 = 0.3;
+/// Directions with a singular value below this share of the largest are left free at corners.
+const CORNER_CUTOFF: f64 = 0.1;
+
+/// Step 9: the vertices of `chamfers` and their neighbours that lie off their fit, and where on it they
+/// belong.
+pub(super) fn moves(surface: &Surface, fits: &VertexFits, chamfers: &[Half]) -> Vec<(Vert, DVec3)> {
+    let mut zone = ends_of(surface.mesh, chamfers);
+    let neighbours: Vec<Vert> = zone.iter().flat_map(|&v| surface.neighbours.of_vertex(v)).copied().collect();
+    zone.extend(neighbours);
+    zone.sort_unstable();
+    zone.dedup();
+    let onto_fit = |&v: &Vert| {
+        let fit = fits.get(v).filter(|fit| fit.source == FitSource::Region && !surface.deep[v])?;
+        let distance = fit.displacement.abs();
+        let is_off = distance > MIN_MOVE.max(MIN_MOVE_IN_RMS * fit.rms) && distance < MAX_MOVE;
+        is_off.then(|| (v, surface.mesh.point(v) + surface.h * fit.displacement * fit.normal))
+    };
+    zone.iter().filter_map(onto_fit).collect()
+}
+
+/// Places a new vertex on every chamfer edge and in every corner triangle of `labels`: where the fits of
+/// their ends meet, nearest to the middle. The farthest that a new vertex may go is `max_shift` times the
+/// split edge ([`MAX_SHIFT`] unless one knows better).
+#[must_use]
+pub fn place_by_fits(mesh: &Mesh, labels: &RegionLabels, max_shift: f64) -> Placement {
+    let mut inserts = Inserts::in_the_middle(mesh, |h| labels.chamfer_edge[h], &labels.corner_faces);
+    inserts.moved.clone_from(&labels.moved);
+    let chamfers: Vec<Half> = mesh.edges().filter(|&h| labels.chamfer_edge[h]).collect();
+    let placing = Placing { mesh, labels, max_shift };
+    let mut found: Vec<_> = chamfers.par_iter().map(|&h| placing.on_edge(h)).collect();
+    found.par_extend(labels.corner_faces.par_iter().map(|&f| placing.in_corner(f)));
+    inserts.points.clear();
+    let mut outcomes = Vec::with_capacity(found.len());
+    for (point, outcome) in found {
+        inserts.points.push(point);
+        outcomes.push(outcome);
+    }
+    Placement { inserts, outcomes }
+}
+
+struct Placing<'a> {
+    mesh: &'a Mesh,
+    labels: &'a RegionLabels,
+    max_shift: f64,
+}
+
+impl Placing<'_> {
+    /// Where `v` is after samples have moved onto their fits.
+    fn point(&self, v: Vert) -> DVec3 {
+        let moved = &self.labels.moved;
+        moved.binary_search_by_key(&v, |&(v, _)| v).map_or_else(|_| self.mesh.point(v), |i| moved[i].1)
+    }
+
+    /// The tangent plane of `fit` below `p`.
+    fn plane(&self, fit: &Fit, p: DVec3) -> Plane {
+        let (distance, normal) = fit.evaluate(p, self.labels.mean_edge);
+        Plane { point: p - distance * self.labels.mean_edge * normal, normal }
+    }
+
+    fn on_edge(&self, h: Half) -> (DVec3, Outcome) {
+        let ends = [self.mesh.from(h), self.mesh.to(h)];
+        let [a, b] = ends.map(|v| self.point(v));
+        let centre = a.midpoint(b);
+        let [Some(p), Some(q)] = ends.map(|v| self.labels.fits.get(v)) else {
+            return (centre, Outcome::NoNormal);
+        };
+        let length = a.distance(b);
+        let mut point = centre;
+        for _ in 0..NEWTON_STEPS {
+            let planes = (self.plane(p, point), self.plane(q, point));
+            match nearest_on_both(planes.0, planes.1, centre) {
+                Some((nearest, sine)) if sine >= MIN_SINE => {
+                    point = centre + (nearest - centre).clamp_length_max(MAX_STEP * length);
+                }
+                _ => return (centre, Outcome::Parallel),
+            }
+        }
+        if self.is_mixed([p, q], [a, b]) {
+            return (centre, Outcome::Mixed);
+        }
+        let is_poor = |fit: &Fit| fit.rms > POOR_RMS || fit.source != FitSource::Region;
+        let times = if is_poor(p) || is_poor(q) { MAX_SHIFT_OF_GUESS } else { self.max_shift };
+        let limit = times * length.max(MIN_EDGE * self.labels.mean_edge);
+        if point.distance(centre) <= limit { (point, Outcome::Moved) } else { (centre, Outcome::TooFar) }
+    }
+
+    fn is_mixed(&self, [p, q]: [&Fit; 2], [a, b]: [DVec3; 2]) -> bool {
+        let h = self.labels.mean_edge;
+        let along = (b - a) / a.distance(b);
+        let (rise_p, rise_q) = (along.dot(p.evaluate(a, h).1), along.dot(q.evaluate(b, h).1));
+        rise_p * rise_q > 0.0 && rise_p.abs().min(rise_q.abs()) > MIXED
+    }
+
+    /// Solves for the fits of the triangle's corners and, where a fourth region meets here, of the corner
+    /// triangles across its edges.
+    fn in_corner(&self, f: Face) -> (DVec3, Outcome) {
+        let corners = self.mesh.corners(f);
+        let points = corners.map(|v| self.point(v));
+        let centre = points.into_iter().sum::<DVec3>() / 3.0;
+        let longest = (0..3).map(|i| points[i].distance(points[(i + 1) % 3])).fold(0.0, f64::max);
+        let limit = self.max_shift * longest;
+
+        let mut verts = corners.to_vec();
+        let across = f.halves().into_iter().filter_map(|h| self.mesh.twin(h)).map(Half::face);
+        for g in across.filter(|g| self.labels.corner_faces.binary_search(g).is_ok()) {
+            for v in self.mesh.corners(g) {
+                if !verts.contains(&v) {
+                    verts.push(v);
+                }
+            }
+        }
+        let fits: Vec<&Fit> = verts.iter().filter_map(|&v| self.labels.fits.get(v)).collect();
+        let mut point = centre;
+        for _ in 0..NEWTON_STEPS {
+            let planes: Vec<Plane> = fits.iter().map(|fit| self.plane(fit, point)).collect();
+            point = nearest_on_all(&planes, centre, CORNER_CUTOFF).0;
+            if !point.is_finite() || point.distance(centre) > 2.0 * limit {
+                return (centre, Outcome::TooFar);
+            }
+        }
+        if point.distance(centre) <= limit { (point, Outcome::Moved) } else { (centre, Outcome::TooFar) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::tests::mesh;
+    use crate::mesh::{PerHalf, PerVert};
+    use crate::regions::tests::planes;
+    use FitSource::{Adopted, Region};
+    use glam::dvec3;
+
+    // 3---2    The chamfer edge 0-2, from (0, 0, 0) to (1, 1, 0).
+    // | / |
+    // 0---1
+    fn square() -> Mesh {
+        mesh(&[[0., 0., 0.], [1., 0., 0.], [1., 1., 0.], [0., 1., 0.]], &[[0, 1, 2], [0, 2, 3]])
+    }
+
+    fn place_diagonal(
+        m: &Mesh,
+        [n, q]: [DVec3; 2],
+        source: FitSource,
+        edit: impl Fn(&mut RegionLabels),
+    ) -> (DVec3, Outcome) {
+        let fits = planes(m, &[(0, n.normalize(), 0.0, Region), (2, q.normalize(), 0.0, source)]);
+        let chamfer_edge: PerHalf<bool> =
+            m.halves().map(|h| [2, 3].contains(&h.index())).collect::<Vec<_>>().into();
+        let mut labels = RegionLabels { mean_edge: 1.0, fits, chamfer_edge, ..RegionLabels::default() };
+        edit(&mut labels);
+        let placement = place_by_fits(m, &labels, MAX_SHIFT);
+        (placement.inserts.points[0], placement.outcomes[0])
+    }
+
+    #[test]
+    fn a_vertex_goes_where_the_planes_of_its_ends_meet() {
+        let m = square();
+        let middle = dvec3(0.5, 0.5, 0.0);
+        let place = |normals, source| place_diagonal(&m, normals, source, |_| {});
+        // Planes that rise at 45 degrees from both ends meet as high as half the edge is long.
+        let steep = |slope: f64| [dvec3(-slope, -slope, 1.0), dvec3(slope, slope, 1.0)];
+        let (point, outcome) = place(steep(1.0), Region);
+        assert_eq!(outcome, Outcome::Moved);
+        assert!(point.distance(dvec3(0.5, 0.5, 1.0)) < 1e-12, "{point}");
+        // At 2.5 times the slope it is 2.5 high and 1.77 edges from the middle.
+        assert_eq!(place(steep(2.5), Region), (middle, Outcome::TooFar));
+        assert_eq!(place(steep(1.5), Region).1, Outcome::Moved);
+        // A guess may go half as far.
+        assert_eq!(place(steep(1.5), Adopted), (middle, Outcome::TooFar));
+        // Rising at one end and falling at the other towards it.
+        assert_eq!(place([dvec3(-1., -1., 1.), dvec3(-1., -1., -1.)], Region), (middle, Outcome::Mixed));
+        // Nine degrees apart are parallel, and so is antiparallel.
+        assert_eq!(place([DVec3::Z, dvec3(0.07, 0.07, 1.0)], Region), (middle, Outcome::Parallel));
+        assert_eq!(place([DVec3::Z, -DVec3::Z], Region), (middle, Outcome::Parallel));
+    }
+
+    #[test]
+    fn moved_samples_count_where_they_are_now() {
+        // Vertex 2 moves up; its plane was made 1 h above where it was.
+        let m = square();
+        let up = dvec3(1.0, 1.0, 1.0);
+        let (point, outcome) = place_diagonal(&m, [-DVec3::Z, DVec3::X], Region, |labels| {
+            labels.moved = vec![(Vert::new(2), up)];
+        });
+        // The middle is now (.5, .5, .5); planes z = 0 and x = 1.
+        assert_eq!(outcome, Outcome::Moved);
+        assert!(point.distance(dvec3(1.0, 0.5, 0.0)) < 1e-12, "{point}");
+    }
+
+    #[test]
+    fn an_end_without_a_fit_leaves_the_vertex_in_the_middle() {
+        let m = square();
+        let found = place_diagonal(&m, [DVec3::Z, DVec3::X], Region, |labels| {
+            labels.fits = planes(&m, &[(0, DVec3::Z, 0.0, Region)]);
+        });
+        assert_eq!(found, (dvec3(0.5, 0.5, 0.0), Outcome::NoNormal));
+    }
+
+    // 2            Corner triangles 0-1-2 and 1-3-2 with four regions: the planes of all four vertices
+    // | `.         meet in (1, 1, 1), those of 0, 1 and 2 as well.
+    // 0---1
+    #[test]
+    fn a_corner_goes_where_three_or_four_fits_meet() {
+        let m = mesh(&[[0., 1., 1.], [1., 0., 1.], [1., 1., 0.], [1.5, 0.5, 0.5]], &[[0, 1, 2], [1, 3, 2]]);
+        let normals = [DVec3::X, DVec3::Y, DVec3::Z, dvec3(1., 1., 1.)];
+        // Each plane passes through (1, 1, 1): as far off its vertex as that is.
+        let plane = |v: usize| {
+            let normal = normals[v].normalize();
+            (v, normal, normal.dot(DVec3::ONE - m.point(Vert::new(v))), Region)
+        };
+        let place = |moved, corner_faces: &[usize], planes_of: &[usize]| {
+            let list: Vec<_> = planes_of.iter().map(|&v| plane(v)).collect();
+            let labels = RegionLabels {
+                mean_edge: 1.0,
+                fits: planes(&m, &list),
+                chamfer_edge: PerHalf::filled(6, true),
+                corner_faces: corner_faces.iter().map(|&f| Face::new(f)).collect(),
+                moved,
+                ..RegionLabels::default()
+            };
+            let placement = place_by_fits(&m, &labels, MAX_SHIFT);
+            (placement.inserts.points[5], placement.outcomes[5])
+        };
+        for faces in [&[0][..], &[0, 1]] {
+            let (point, outcome) = place(vec![], faces, &[0, 1, 2, 3]);
+            assert_eq!(outcome, Outcome::Moved);
+            assert!(point.distance(DVec3::ONE) < 1e-12, "{point}");
+        }
+        let far = vec![(Vert::new(0), DVec3::splat(-20.0))];
+        assert_eq!(place(far, &[0], &[0, 1, 2]).1, Outcome::Moved, "the edges are as long as it is far");
+    }
+
+    #[test]
+    fn samples_near_a_chamfer_move_if_they_are_off_and_not_deep() {
+        let m = square();
+        let (normals, labels) = crate::regions::tests::labels(&m);
+        let mut surface = Surface::new(&m, &normals, &labels);
+        surface.h = 2.0;
+        surface.deep = PerVert::filled(4, false);
+        surface.deep[Vert::new(3)] = true;
+        let list = [(0, DVec3::Z, 0.1, Region), (1, DVec3::Z, 0.1, Adopted), (2, DVec3::Z, 0.002, Region)];
+        let mut list = list.to_vec();
+        list.push((3, DVec3::Z, 0.1, Region));
+        let fits = planes(&m, &list);
+        let moved = moves(&surface, &fits, &[Half::new(2)]);
+        // Vertex 1 carries a guess, 2 is hardly off, 3 is deep.
+        assert_eq!(moved, [(Vert::new(0), dvec3(0.0, 0.0, 0.2))]);
+    }
+}
