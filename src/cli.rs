@@ -1,8 +1,11 @@
 //! The command line: degrees become radians here, once.
 
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
-use clap::Parser;
+use clap::error::ErrorKind;
+use clap::{CommandFactory, Parser};
+use globset::{GlobBuilder, GlobMatcher};
 use sharpen::classify::SmoothThreshold;
 use sharpen::error::Error;
 use sharpen::weld::Weld;
@@ -13,16 +16,15 @@ use sharpen::{Method, Options, io};
 /// Marching cubes, scanners, remeshers and generators cut every crease off into a strip of chamfer
 /// triangles. sharpen finds these strips and puts new vertices where the smooth surfaces on both sides
 /// meet. Everything else stays as it is: the same vertices in the same order, bit for bit.
-#[derive(Parser, Debug)]
-#[command(
-    version,
-    after_help = "Exit status: 0 done (also when nothing was found), 1 failed, 2 wrong usage."
-)]
+#[derive(Parser, Clone, Debug)]
+#[command(version, after_help = EXIT_STATUS, after_long_help = format!("{FOLDERS}\n\n{EXIT_STATUS}"))]
 pub struct Arguments {
-    /// The mesh to sharpen: OBJ, PLY, STL or OFF; `-` for standard input (with --format).
+    /// The mesh to sharpen: OBJ, PLY, STL or OFF; `-` for standard input (with --format). Or a folder of
+    /// meshes.
     pub input: PathBuf,
 
-    /// Where the sharpened mesh goes, in any of these formats; may be the input.
+    /// Where the sharpened mesh goes, in any of these formats; may be the input. For a folder, a folder,
+    /// which may not be the input.
     pub output: PathBuf,
 
     /// Run the papers' algorithm to the letter.
@@ -56,7 +58,7 @@ pub struct Arguments {
     #[arg(long, value_name = "FILE.ply")]
     pub classes: Option<PathBuf>,
 
-    /// Also write what was found and done, as JSON.
+    /// Also write what was found and done, as JSON; for a folder as JSON lines, one for each file.
     #[arg(long, value_name = "FILE.json")]
     pub report: Option<PathBuf>,
 
@@ -71,11 +73,81 @@ pub struct Arguments {
     /// Say nothing but errors.
     #[arg(short, long, conflicts_with = "verbose")]
     pub quiet: bool,
+
+    /// What holds for folders only.
+    #[command(flatten)]
+    pub folder: FolderArguments,
 }
+
+/// What holds for folders only.
+#[derive(clap::Args, Clone, Debug, Default)]
+#[command(next_help_heading = "Folders")]
+pub struct FolderArguments {
+    /// Skip the files that an earlier run with the same options has done and that have not changed since.
+    #[arg(long)]
+    pub resume: bool,
+
+    /// Only take files whose path below the folder matches, or whose name does if GLOB has no slash; may
+    /// be given several times [default: every extension that can be read].
+    #[arg(long, value_name = "GLOB", value_parser = glob)]
+    pub include: Vec<GlobMatcher>,
+
+    /// How many files are worked on at the same time [default: one per thread].
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    pub jobs: Option<u16>,
+
+    /// Give up on a file after so many seconds. Each file then has a process of its own, so that also a
+    /// crash costs no other file.
+    #[arg(long, value_name = "SECONDS", value_parser = seconds)]
+    pub timeout: Option<Duration>,
+
+    /// Files worked on at the same time may need so much memory together, in megabytes, as estimated from
+    /// their sizes; one that needs more runs alone [default: half of the machine's].
+    #[arg(long, value_name = "MB", value_parser = clap::value_parser!(u64).range(1..))]
+    pub memory: Option<u64>,
+
+    /// The process is one that a folder run has started for one file.
+    #[arg(long, hide = true, num_args = 2, allow_hyphen_values = true, value_names = ["INPUT", "OUTPUT"])]
+    pub only_file: Option<Vec<PathBuf>>,
+}
+
+const EXIT_STATUS: &str = "\
+Exit status: 0 done (also when nothing was found), 1 failed (in a folder: any file), 2 wrong usage.";
+
+const FOLDERS: &str = "\
+A folder's files are sharpened into files of the same names below the output folder, which is made. A file \
+that fails is reported and passed over. Other files (materials, textures) are not copied. Links to files are \
+read, links to folders not followed. The output folder may lie in the input folder; what it holds is no \
+input, and neither are the outputs of other runs.
+
+No output is ever half written: a run that is killed leaves only whole files, and temporary files that the \
+next run removes. The file .sharpen-state.jsonl in the output folder says which outputs are whole, by which \
+options, and when their inputs were changed; --resume goes by it. It tries again what failed.
+
+A line of the --report has a name, a status (ok, failed or skipped), for the last two a reason, the seconds \
+it took, notices of what of the file could not be kept, and under \"report\" what the report of a single \
+file has. It is written as soon as the file is done. --resume keeps the lines of the files that it skips, \
+so that in the end there is one line for each file.
+
+Also works one file at a time:
+  find in -name '*.obj' -print0 | xargs -0 -P 4 -I{} sharpen -q {} {}
+  parallel sharpen -q {} out/{/} ::: in/*.obj
+  out/%.obj: in/%.obj ; sharpen -q $< $@      (in a makefile)";
 
 fn positive_or_zero(word: &str) -> Result<f64, String> {
     let number: f64 = word.parse().map_err(|_| format!("{word:?} is not a number"))?;
     if number.is_finite() && number >= 0.0 { Ok(number) } else { Err(format!("{word} is not 0 or more")) }
+}
+
+fn seconds(word: &str) -> Result<Duration, String> {
+    let seconds = positive_or_zero(word)?;
+    let duration = Duration::try_from_secs_f64(seconds).map_err(|_| format!("{word} is too long"))?;
+    if duration.is_zero() { Err(format!("{word} is no time at all")) } else { Ok(duration) }
+}
+
+fn glob(word: &str) -> Result<GlobMatcher, String> {
+    let glob = GlobBuilder::new(word).literal_separator(true).build();
+    glob.map(|glob| glob.compile_matcher()).map_err(|error| error.kind().to_string())
 }
 
 fn degrees(word: &str) -> Result<f64, String> {
@@ -84,7 +156,6 @@ fn degrees(word: &str) -> Result<f64, String> {
 }
 
 impl Arguments {
-    /// What the library is asked to do.
     /// The format of a file by its name, else by `--format`.
     pub fn format_of(&self, path: &Path) -> Result<io::Format, Error> {
         let named = self.format.as_deref().and_then(io::Format::by_name);
@@ -106,4 +177,39 @@ impl Arguments {
             keep_labels: self.classes.is_some(),
         }
     }
+    /// All that an output depends on beside its input, as text: every argument but those named here.
+    pub fn recipe(&self) -> String {
+        let arguments = Self {
+            input: PathBuf::new(),
+            output: PathBuf::new(),
+            report: None,
+            threads: None,
+            verbose: false,
+            quiet: false,
+            folder: FolderArguments::default(),
+            ..self.clone()
+        };
+        format!("sharpen {} {arguments:?}", env!("CARGO_PKG_VERSION"))
+    }
+}
+
+impl FolderArguments {
+    /// Ends the process if one of these was given for an input that is no folder.
+    pub fn refuse_for_a_file(&self) {
+        let given = [
+            (self.resume, "--resume"),
+            (!self.include.is_empty(), "--include"),
+            (self.jobs.is_some(), "--jobs"),
+            (self.timeout.is_some(), "--timeout"),
+            (self.memory.is_some(), "--memory"),
+        ];
+        if let Some((_, flag)) = given.iter().find(|(is_given, _)| *is_given) {
+            wrong_usage(format!("{flag} is for folders, and the input is none"));
+        }
+    }
+}
+
+/// Ends the process as clap does when the arguments make no sense.
+pub fn wrong_usage(message: impl std::fmt::Display) -> ! {
+    Arguments::command().error(ErrorKind::ArgumentConflict, message).exit()
 }

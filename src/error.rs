@@ -18,14 +18,14 @@ pub enum Error {
         reason: String,
     },
     /// The file system is at fault.
-    #[error("{file}: cannot {action}: {source}")]
+    #[error("{file}: cannot {action}: {cause}")]
     File {
         /// The file, or `-` for a standard stream.
         file: String,
         /// What was tried: `read`, `write`.
         action: &'static str,
         /// What the system said.
-        source: io::Error,
+        cause: io::Error,
     },
     /// The name or the format asked for is at fault.
     #[error("{file}: {reason}")]
@@ -42,8 +42,8 @@ pub enum Error {
 
 impl Error {
     /// The file system refused `action` (an infinitive) on `path`.
-    pub(crate) fn file(path: &Path, action: &'static str, source: io::Error) -> Self {
-        Self::File { file: display_name(path), action, source }
+    pub(crate) fn file(path: &Path, action: &'static str, cause: io::Error) -> Self {
+        Self::File { file: display_name(path), action, cause }
     }
 
     /// The content of the file called `file` is at fault.

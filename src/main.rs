@@ -1,5 +1,6 @@
 //! The `sharpen` command.
 
+mod batch;
 mod cli;
 mod run;
 
@@ -9,7 +10,7 @@ use clap::Parser;
 
 fn main() -> ExitCode {
     match run::run(&cli::Arguments::parse()) {
-        Ok(()) => ExitCode::SUCCESS,
+        Ok(code) => code,
         Err(error) => {
             eprintln!("sharpen: {error:#}");
             ExitCode::FAILURE

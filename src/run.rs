@@ -1,6 +1,7 @@
 //! One file: read, sharpen, write, say what came of it.
 
 use std::path::Path;
+use std::process::ExitCode;
 
 use anyhow::{Context, Result};
 use sharpen::error::display_name;
@@ -8,13 +9,21 @@ use sharpen::place::Outcome;
 use sharpen::weld::weld;
 use sharpen::{Mesh, Report, io, paint};
 
+use crate::batch;
 use crate::cli::Arguments;
 
 /// Does what the command line asks for.
 ///
 /// # Errors
 /// One line that says what failed. No output is written unless all of it can be.
-pub fn run(arguments: &Arguments) -> Result<()> {
+pub fn run(arguments: &Arguments) -> Result<ExitCode> {
+    if let Some([input, output]) = arguments.folder.only_file.as_deref() {
+        return batch::answer_for(arguments, input, output);
+    }
+    if arguments.input.is_dir() && arguments.input != Path::new("-") {
+        return batch::sharpen_folder(arguments);
+    }
+    arguments.folder.refuse_for_a_file();
     if let Some(threads) = arguments.threads {
         rayon::ThreadPoolBuilder::new().num_threads(threads.into()).build_global()?;
     }
@@ -29,7 +38,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     if arguments.verbose {
         eprint!("{}", details(&done.report));
     }
-    Ok(())
+    Ok(ExitCode::SUCCESS)
 }
 
 /// What became of one file.

@@ -14,6 +14,7 @@ mod obj;
 mod off;
 mod ply;
 mod stl;
+pub mod temporary;
 mod text;
 mod triangulate;
 mod vertex_data;
@@ -204,11 +205,7 @@ fn replace(path: &Path, bytes: &[u8]) -> std::io::Result<()> {
         return fs::OpenOptions::new().write(true).open(&target)?.write_all(bytes);
     }
     let folder = target.parent().filter(|folder| !folder.as_os_str().is_empty());
-    let mut builder = tempfile::Builder::new();
-    builder.prefix(".sharpen-").suffix(".tmp");
-    #[cfg(unix)]
-    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
-    let mut temporary = builder.tempfile_in(folder.unwrap_or(Path::new(".")))?;
+    let mut temporary = temporary::create(folder.unwrap_or(Path::new(".")))?;
     temporary.write_all(bytes)?;
     if let Some(existing) = existing {
         temporary.as_file().set_permissions(existing.permissions())?;
