@@ -181,6 +181,17 @@ pub struct Split {
 }
 
 impl Attributes {
+    /// The edges along the file's polylines (`l`), in terms of the mesh's vertices.
+    #[must_use]
+    pub fn line_edges(&self) -> Vec<[Vert; 2]> {
+        let joined = |v: Vert| self.split.as_ref().map_or(v, |split| split.joined_in[v]);
+        let lines = self.marks.iter().filter_map(|mark| match &mark.what {
+            Statement::Line(line) => Some(line),
+            _ => None,
+        });
+        lines.flat_map(|line| line.windows(2).map(|ends| [joined(ends[0].0), joined(ends[1].0)])).collect()
+    }
+
     /// Whether there is nothing that belongs to a vertex, a corner or a face.
     #[must_use]
     pub fn is_plain(&self) -> bool {

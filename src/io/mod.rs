@@ -150,6 +150,33 @@ pub fn format_as<'a>(view: impl Into<View<'a>>, format: Format) -> Vec<u8> {
     }
 }
 
+/// Polylines as the bytes of an OBJ file: the vertices on them, each once, ascending, then one `l` each.
+#[must_use]
+pub fn format_polylines(points: &[DVec3], lines: &[Vec<Vert>]) -> Vec<u8> {
+    let mut used: Vec<Vert> = lines.iter().flatten().copied().collect();
+    used.sort_unstable();
+    used.dedup();
+    let mut bytes = Vec::new();
+    for v in &used {
+        bytes.push(b'v');
+        for x in points[v.index()].to_array() {
+            bytes.push(b' ');
+            text::push_number(&mut bytes, x);
+        }
+        bytes.push(b'\n');
+    }
+    for line in lines {
+        bytes.push(b'l');
+        for v in line {
+            bytes.push(b' ');
+            let number = used.binary_search(v).map_or(0, |i| i + 1);
+            text::push_whole(&mut bytes, number);
+        }
+        bytes.push(b'\n');
+    }
+    bytes
+}
+
 /// What a file of this format cannot hold of a mesh, one line each.
 #[must_use]
 pub fn losses<'a>(view: impl Into<View<'a>>, format: Format) -> Vec<String> {
