@@ -18,6 +18,7 @@
 //! Cost: O(V) plus some 10 microseconds per doubtful vertex, in parallel.
 
 mod gates;
+mod grow;
 mod label;
 mod patch;
 mod place;
@@ -37,6 +38,13 @@ use surface::Surface;
 /// Fits whose normals differ by this angle, in radians, make a chamfer edge. At 30 degrees rounds get
 /// false edges, at 60 true ones are lost.
 const CHAMFER_ANGLE: f64 = 45.0 * std::f64::consts::PI / 180.0;
+
+/// On samples that lie on the surface, a label this far (in h) from its vertex is wrong ...
+const FAR: f64 = 0.15;
+/// ... or this far, where the label is carried along: it is made to measure ...
+const FAR_TO_GROW: f64 = 0.1;
+/// ... or this many times the noise, if that is more.
+const FAR_IN_NOISE: f64 = 5.0;
 
 /// A vertex this close to two fits lies on their crease, in mean edge lengths.
 const ON_CREASE: f64 = 0.05;
@@ -137,20 +145,7 @@ impl RegionLabels {
 #[must_use]
 pub fn label_by_fits(mesh: &Mesh, face_normals: &PerFace<DVec3>, labels: &Labels) -> RegionLabels {
     let surface = Surface::new(mesh, face_normals, labels);
-    let mut fits = label::explain_by_regions(&surface);
-    label::explain_by_red_faces(&surface, &mut fits);
-    label::explain_by_leftovers(&surface, &mut fits);
-
-    let noise = gates::noise(&fits);
-    let first = chamfer_edges(&surface, &fits);
-    if !gates::off_surface(&surface, &fits, &first).is_likely() {
-        // The samples are on the surface: a label far from its vertex is a wrong label.
-        label::take_back_far_labels(&surface, &mut fits, noise);
-        label::explain_by_red_faces(&surface, &mut fits);
-        label::explain_by_leftovers(&surface, &mut fits);
-    }
-    label::adopt_from_neighbours(&surface, &mut fits);
-
+    let (fits, noise) = label_vertices(&surface);
     let candidates = chamfer_edges(&surface, &fits);
     let (strip_of, strips) = gates::judge_strips(&surface, &fits, &candidates, noise);
     let is_kept = |&(_, &strip): &(&Half, &u32)| strips[strip as usize].fate == Fate::Kept;
@@ -174,6 +169,30 @@ pub fn label_by_fits(mesh: &Mesh, face_normals: &PerFace<DVec3>, labels: &Labels
         off_surface,
         moved,
     }
+}
+
+/// Steps 3 to 6 in two passes: the fits of the doubtful vertices, and the noise. Only the second pass knows
+/// whether the samples are on the surface.
+fn label_vertices(surface: &Surface) -> (VertexFits, f64) {
+    let mut fits = label::explain_by_regions(surface);
+    label::explain_by_red_faces(surface, &mut fits);
+    label::explain_by_leftovers(surface, &mut fits);
+    let noise = gates::noise(&fits);
+    let chamfers = chamfer_edges(surface, &fits);
+    let is_off = gates::off_surface(surface, &fits, &chamfers).is_likely();
+
+    // On the surface a label far from its vertex is a wrong label.
+    let limit = |least: f64| {
+        let limit = least.max(FAR_IN_NOISE * noise);
+        if is_off { label::EXPLAINED } else { limit.min(label::EXPLAINED) }
+    };
+    label::take_back_far_labels(surface, &mut fits, limit(FAR));
+    label::explain_by_leftovers(surface, &mut fits);
+    grow::grow(surface, &mut fits, limit(FAR_TO_GROW));
+    label::explain_by_red_faces(surface, &mut fits);
+    label::explain_by_leftovers(surface, &mut fits);
+    label::adopt_from_neighbours(surface, &mut fits);
+    (fits, noise)
 }
 
 /// Step 7: edges with two faces whose ends' fits, evaluated at the edge's middle, disagree. Taking both
