@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use super::VertexFits;
 use super::patch::{Cluster, Member, Patch};
 use super::surface::{Surface, per_vertex};
-use crate::fit::{Fit, FitSource, Sample, fit_samples};
+use crate::fit::{Fit, FitSource, Fitter, Sample};
 use crate::mesh::Vert;
 
 /// Samples that are not deep inside their region are trusted this much: their normals lean towards the
@@ -51,24 +51,22 @@ pub(super) fn explain_by_regions(surface: &Surface) -> VertexFits {
     let mut fits = VertexFits::none(surface.mesh.n_verts(), surface.doubtful());
     let normals = per_vertex(surface.mesh, |v| surface.normal(v, |_| true));
     let per_h = surface.h.recip();
-    let explain = |(patch, samples): &mut (Patch, Vec<Sample>), &v: &Vert| {
+    let explain = |(patch, samples, fitter): &mut (Patch, Vec<Sample>, Fitter), &v: &Vert| {
         patch.search(surface, v);
-        let fit = |samples: &mut Vec<Sample>, cluster: &Cluster| {
+        let mut fit = |cluster: &Cluster| {
             let sample = |member: &Member| Sample {
                 offset: member.offset * per_h,
                 normal: normals[member.vertex],
                 trust: if surface.deep[member.vertex] { 1.0 } else { SHALLOW_TRUST },
             };
-            let members = patch.members(cluster);
             samples.clear();
-            samples.extend(members.iter().map(sample));
-            let fit = fit_samples(surface.mesh.point(v), samples, FitSource::Region)?;
-            let deep = members.iter().filter(|member| surface.deep[member.vertex]);
-            let n_deep = deep.clone().count();
-            if fit.rms > ERODED_RMS && (ERODED_MEMBERS..members.len()).contains(&n_deep) {
-                samples.clear();
-                samples.extend(deep.map(sample));
-                let eroded = fit_samples(surface.mesh.point(v), samples, FitSource::Region);
+            samples.extend(patch.members(cluster).iter().map(sample));
+            let fit = fitter.fit(surface.mesh.point(v), samples, FitSource::Region)?;
+            let n_members = samples.len();
+            let n_deep = samples.iter().filter(|sample| sample.trust == 1.0).count();
+            if fit.rms > ERODED_RMS && (ERODED_MEMBERS..n_members).contains(&n_deep) {
+                samples.retain(|sample| sample.trust == 1.0);
+                let eroded = fitter.fit(surface.mesh.point(v), samples, FitSource::Region);
                 if let Some(eroded) = eroded.filter(|eroded| eroded.rms < ERODED_GAIN * fit.rms) {
                     return Some(eroded);
                 }
@@ -76,7 +74,7 @@ pub(super) fn explain_by_regions(surface: &Surface) -> VertexFits {
             Some(fit).filter(|fit| fit.rms <= MAX_RMS)
         };
         if surface.interior[v] {
-            return patch.clusters().first().and_then(|own| fit(samples, own));
+            return patch.clusters().first().and_then(fit);
         }
         let mut best: Option<(f64, Fit)> = None;
         for cluster in patch.clusters() {
@@ -84,7 +82,7 @@ pub(super) fn explain_by_regions(surface: &Surface) -> VertexFits {
             if best.as_ref().is_some_and(|&(score, _)| score <= penalty) {
                 break; // No region from here on can be better.
             }
-            let Some(fit) = fit(samples, cluster) else { continue };
+            let Some(fit) = fit(cluster) else { continue };
             let score = fit.displacement.abs() + penalty;
             if best.as_ref().is_none_or(|&(least, _)| score < least) {
                 best = Some((score, fit));
@@ -127,11 +125,11 @@ pub(super) fn explain_by_leftovers(surface: &Surface, fits: &mut VertexFits) {
             let offset = (surface.mesh.point(v) - surface.mesh.point(centre)) / surface.h;
             (normal != glam::DVec3::ZERO).then_some(Sample { offset, normal, trust: 1.0 })
         };
-        let mut samples: Vec<Sample> = members.iter().filter_map(sample).collect();
+        let samples: Vec<Sample> = members.iter().filter_map(sample).collect();
         if samples.len() < LEFTOVER_MEMBERS {
             return None;
         }
-        let fit = fit_samples(surface.mesh.point(centre), &mut samples, FitSource::Leftover)?;
+        let fit = Fitter::default().fit(surface.mesh.point(centre), &samples, FitSource::Leftover)?;
         let is_good = fit.rms <= LEFTOVER_RMS && fit.displacement.abs() <= LEFTOVER_DISPLACEMENT;
         is_good.then_some(fit)
     });

@@ -37,8 +37,12 @@ impl<'a> Surface<'a> {
         Self { mesh, face_normals, h, neighbours, interior, deep, red_face, angles }
     }
 
-    /// Vertices that are not interior, and the interior ones next to them, ascending.
+    /// Vertices that are not interior, and the interior ones next to them, ascending. None where no region
+    /// is smooth: then there is nothing to doubt by.
     pub fn doubtful(&self) -> Vec<Vert> {
+        if !self.interior.as_slice().contains(&true) {
+            return Vec::new();
+        }
         let is_doubtful = |v: &Vert| !self.deep[*v] && !self.mesh.leaving(*v).is_empty();
         self.mesh.verts().filter(is_doubtful).collect()
     }
