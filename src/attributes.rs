@@ -116,6 +116,17 @@ impl Channel {
     /// No entry.
     pub const NONE: u32 = u32::MAX;
 
+    pub(crate) fn reserve_exact(&mut self, n: usize) {
+        self.values.reserve_exact(n);
+        self.widths.reserve_exact(n);
+    }
+
+    /// Appends the entries of another table; those of its corners are not looked at.
+    pub(crate) fn append(&mut self, other: Self) {
+        self.values.extend(other.values);
+        self.widths.extend(other.widths);
+    }
+
     /// Adds an entry.
     pub(crate) fn push(&mut self, value: [f64; 3], width: u8) -> u32 {
         self.values.push(value);
@@ -157,11 +168,14 @@ pub struct Polygons {
 impl Polygons {
     /// First triangle and sides of each polygon.
     pub fn iter(&self) -> impl Iterator<Item = (usize, &[Half])> {
-        let ends = self.list.iter().skip(1).map(|&(_, start)| start as usize).chain([self.sides.len()]);
-        self.list
-            .iter()
-            .zip(ends)
-            .map(|(&(face, start), end)| (face as usize, &self.sides[start as usize..end]))
+        (0..self.list.len()).filter_map(|i| self.get(i))
+    }
+
+    /// First triangle and sides of polygon `i`.
+    pub(crate) fn get(&self, i: usize) -> Option<(usize, &[Half])> {
+        let &(face, start) = self.list.get(i)?;
+        let end = self.list.get(i + 1).map_or(self.sides.len(), |&(_, end)| end as usize);
+        Some((face as usize, &self.sides[start as usize..end]))
     }
 
     /// Adds a polygon, whose triangles begin with `face`.
@@ -181,6 +195,17 @@ pub struct Split {
 }
 
 impl Attributes {
+    /// The edges along the file's polylines (`l`), in terms of the mesh's vertices.
+    #[must_use]
+    pub fn line_edges(&self) -> Vec<[Vert; 2]> {
+        let joined = |v: Vert| self.split.as_ref().map_or(v, |split| split.joined_in[v]);
+        let lines = self.marks.iter().filter_map(|mark| match &mark.what {
+            Statement::Line(line) => Some(line),
+            _ => None,
+        });
+        lines.flat_map(|line| line.windows(2).map(|ends| [joined(ends[0].0), joined(ends[1].0)])).collect()
+    }
+
     /// Whether there is nothing that belongs to a vertex, a corner or a face.
     #[must_use]
     pub fn is_plain(&self) -> bool {

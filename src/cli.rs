@@ -8,6 +8,7 @@ use clap::{CommandFactory, Parser};
 use globset::{GlobBuilder, GlobMatcher};
 use sharpen::classify::SmoothThreshold;
 use sharpen::error::Error;
+use sharpen::options::DEFAULT_MAX_FACES;
 use sharpen::weld::Weld;
 use sharpen::{Method, Options, io};
 
@@ -48,6 +49,32 @@ pub struct Arguments {
     /// [default: 1.5; with --paper no created edge may be longer than the longest one of the input].
     #[arg(long, value_name = "TIMES", value_parser = positive_or_zero)]
     pub max_shift: Option<f64>,
+
+    /// Bend the result N times: each level splits every face in four, rounds what is smooth, turns sharp
+    /// edges into smooth curves and keeps them sharp.
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub bend: u32,
+
+    /// Take noise out by N rounds of Laplacian smoothing that leaves sharp edges alone, before bending.
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub denoise: usize,
+
+    /// Look for no chamfers: bend or denoise the mesh as it is. Sharp are the edges that the file names as
+    /// `l` elements, and those of --sharp-angle.
+    #[arg(long)]
+    pub no_sharpen: bool,
+
+    /// With --no-sharpen, edges with at least this dihedral angle are sharp, in degrees.
+    #[arg(long, value_name = "DEG", requires = "no_sharpen", value_parser = degrees)]
+    pub sharp_angle: Option<f64>,
+
+    /// Also write the sharp edges of the output as polylines (`l` elements) from corner to corner.
+    #[arg(long, value_name = "FILE.obj")]
+    pub sharp_edges: Option<PathBuf>,
+
+    /// Refuse to bend beyond this many faces.
+    #[arg(long, value_name = "N", default_value_t = DEFAULT_MAX_FACES)]
+    pub max_faces: usize,
 
     /// Which vertices of the file count as one: none, exact (those with equal coordinates), or those
     /// within a distance. The output keeps the file's own vertices.
@@ -179,7 +206,13 @@ impl Arguments {
             method: if self.paper { Method::Paper } else { defaults.method },
             smooth: factor.or(angle).unwrap_or(defaults.smooth),
             max_shift: self.max_shift,
+            sharpen: !self.no_sharpen,
+            sharp_angle: self.sharp_angle.map(f64::to_radians),
+            denoise: self.denoise,
+            bend: self.bend,
+            max_faces: self.max_faces,
             keep_labels: self.classes.is_some(),
+            ..defaults
         }
     }
     /// All that an output depends on beside its input, as text: every argument but those named here.

@@ -18,7 +18,7 @@
 //!
 //! # Data flow
 //! ```text
-//! Mesh -> classify -> Labels -> place -> Inserts -> refine -> collapse -> tags
+//! Mesh -> classify -> regions -> Labels -> place -> Inserts -> refine -> untangle -> Tags -> (bend -> refine) x N
 //! ```
 //!
 //! # References
@@ -55,9 +55,11 @@ pub use options::{Method, Options};
 pub use report::Report;
 
 use attributes::Attributes;
+use bend::{BendOptions, bend, levels_fit};
 use classify::Labels;
-use refine::{Lineage, refine};
-use report::{Found, LeftAlone, Seconds, Size};
+use denoise::denoise;
+use refine::Lineage;
+use report::{LeftAlone, Size};
 use tags::Tags;
 
 /// What [`sharpen`] gives back.
@@ -133,34 +135,48 @@ pub fn sharpen_observed(
     options: &Options,
     mut on_rebuild: impl FnMut(Rebuild<'_>),
 ) -> Result<Sharpened, MeshError> {
-    let mut seconds = Seconds::default();
-    let chamfers = pipeline::find(mesh, options, &mut seconds);
-    let inserts = &chamfers.placement.inserts;
+    levels_fit(mesh.n_faces(), options.bend, options.max_faces)?;
     let mut report = Report {
         method: options.method,
         input: Size::of(mesh),
         left_alone: LeftAlone::of(mesh),
-        found: Found::of(mesh, &chamfers.labels),
-        unfit: chamfers.unfit.clone(),
-        changed: !inserts.is_empty(),
-        moved_vertices: inserts.moved.len(),
         ..Report::default()
     };
-    for &outcome in &chamfers.placement.outcomes {
-        *report.inserted.entry(outcome).or_default() += 1;
+    let mut sharpened = if options.sharpen {
+        pipeline::sharpen(mesh, options, &mut report, &mut on_rebuild)?
+    } else {
+        let tags = pipeline::given_tags(mesh, options);
+        Sharpened { mesh: mesh.clone(), tags, ..Sharpened::default() }
+    };
+    if options.denoise > 0 {
+        let smoothed =
+            report.seconds.time("denoise", || denoise(&sharpened.mesh, &sharpened.tags, options.denoise))?;
+        let lineage = Lineage::identity(&smoothed);
+        on_rebuild(Rebuild {
+            old: &sharpened.mesh,
+            new: &smoothed,
+            lineage: &lineage,
+            tags: &sharpened.tags,
+        });
+        sharpened.mesh = smoothed;
+        report.changed = true;
     }
-
-    let refined = seconds.time("refine", || refine(mesh, inserts))?;
-    let cleaned = seconds.time("clean", || pipeline::clean(mesh, &refined, &chamfers, &mut report))?;
-    let tags = seconds.time("tags", || pipeline::find_tags(mesh, &chamfers, &cleaned, options.method));
-    drop(refined);
-    if report.changed {
-        on_rebuild(Rebuild { old: mesh, new: &cleaned.mesh, lineage: &cleaned.lineage, tags: &tags });
+    levels_fit(sharpened.mesh.n_faces(), options.bend, options.max_faces)?;
+    for _ in 0..options.bend {
+        let bent = report
+            .seconds
+            .time("bend", || bend(&sharpened.mesh, &sharpened.tags, &BendOptions::default()))?;
+        on_rebuild(Rebuild {
+            old: &sharpened.mesh,
+            new: &bent.mesh,
+            lineage: &bent.lineage,
+            tags: &bent.tags,
+        });
+        (sharpened.mesh, sharpened.tags) = (bent.mesh, bent.tags);
+        report.bent.push(bent.counts);
+        report.changed = true;
     }
-
-    report.output = Size::of(&cleaned.mesh);
-    report.sharp_edges = tags.sharp_edges().len();
-    report.seconds = seconds;
-    let labels = options.keep_labels.then_some(chamfers.labels);
-    Ok(Sharpened { mesh: cleaned.mesh, tags, labels, report })
+    report.output = Size::of(&sharpened.mesh);
+    report.sharp_edges = sharpened.tags.sharp_edges().len();
+    Ok(Sharpened { report, ..sharpened })
 }

@@ -1,6 +1,7 @@
 //! What a caller can choose.
 
 use crate::classify::{ClassifyOptions, SmoothThreshold};
+use crate::mesh::Vert;
 use crate::place::{PlaceRules, ShiftLimit};
 
 /// Which reading of the algorithm runs.
@@ -16,6 +17,9 @@ pub enum Method {
     Paper,
 }
 
+/// The default of [`Options::max_faces`]: some 10 GB of output.
+pub const DEFAULT_MAX_FACES: usize = 200_000_000;
+
 /// What [`sharpen`](crate::sharpen) does. [`Options::default`] is what the command line does without
 /// any flag.
 #[derive(Clone, Debug, PartialEq)]
@@ -27,6 +31,19 @@ pub struct Options {
     /// The farthest that an inserted vertex may go from the middle, in lengths of the split edge.
     /// [`Method::Paper`] has a rule of its own unless this is set.
     pub max_shift: Option<f64>,
+    /// Whether chamfers are looked for at all. If not, what is sharp is taken from `sharp_angle` and
+    /// `sharp_edges`, for bending.
+    pub sharpen: bool,
+    /// Without sharpening: edges with at least this dihedral angle, in radians, are sharp.
+    pub sharp_angle: Option<f64>,
+    /// Without sharpening: these edges are sharp.
+    pub sharp_edges: Vec<[Vert; 2]>,
+    /// Rounds of Laplacian smoothing of all that is not sharp, before bending.
+    pub denoise: usize,
+    /// Levels of bending: each splits every face in four.
+    pub bend: u32,
+    /// A mesh that bending would give more faces than this is refused.
+    pub max_faces: usize,
     /// Whether the colours of the mesh come back in [`Sharpened::labels`](crate::Sharpened::labels).
     pub keep_labels: bool,
 }
@@ -37,6 +54,12 @@ impl Default for Options {
             method: Method::default(),
             smooth: SmoothThreshold::MeanTimes(2.0),
             max_shift: None,
+            sharpen: true,
+            sharp_angle: None,
+            sharp_edges: Vec::new(),
+            denoise: 0,
+            bend: 0,
+            max_faces: DEFAULT_MAX_FACES,
             keep_labels: false,
         }
     }

@@ -9,14 +9,52 @@ use crate::edit::{Edit, Edited};
 use crate::mesh::{Face, Half, Mesh, MeshError, PerHalf, PerVert, Vert};
 use crate::options::{Method, Options};
 use crate::place::{Outcome, Placement, place};
-use crate::refine::{Inserts, Lineage, Refined};
+use crate::refine::{Inserts, Lineage, Refined, refine};
 use crate::regions::{RegionLabels, label_by_fits, place_by_fits};
-use crate::report::{Report, Seconds};
-use crate::tags::Tags;
+use crate::report::{Found, Report, Seconds};
+use crate::tags::{Tags, tags_by_dihedral};
 use crate::untangle::{Context, untangle};
+use crate::{Rebuild, Sharpened};
+
+/// Finds the chamfers of `mesh` and puts its sharp edges back.
+pub(crate) fn sharpen(
+    mesh: &Mesh,
+    options: &Options,
+    report: &mut Report,
+    on_rebuild: &mut dyn FnMut(Rebuild<'_>),
+) -> Result<Sharpened, MeshError> {
+    let mut seconds = std::mem::take(&mut report.seconds);
+    let chamfers = find(mesh, options, &mut seconds);
+    let inserts = &chamfers.placement.inserts;
+    report.found = Found::of(mesh, &chamfers.labels);
+    report.unfit.clone_from(&chamfers.unfit);
+    report.changed = !inserts.is_empty();
+    report.moved_vertices = inserts.moved.len();
+    for &outcome in &chamfers.placement.outcomes {
+        *report.inserted.entry(outcome).or_default() += 1;
+    }
+
+    let refined = seconds.time("refine", || refine(mesh, inserts))?;
+    let cleaned = seconds.time("clean", || clean(mesh, &refined, &chamfers, report))?;
+    let tags = seconds.time("tags", || find_tags(mesh, &chamfers, &cleaned, options.method));
+    drop(refined);
+    if report.changed {
+        on_rebuild(Rebuild { old: mesh, new: &cleaned.mesh, lineage: &cleaned.lineage, tags: &tags });
+    }
+    report.seconds = seconds;
+    let labels = options.keep_labels.then_some(chamfers.labels);
+    Ok(Sharpened { mesh: cleaned.mesh, tags, labels, ..Sharpened::default() })
+}
+
+/// What is sharp in a mesh that is not to be sharpened: what the caller knows of.
+pub(crate) fn given_tags(mesh: &Mesh, options: &Options) -> Tags {
+    let bent = options.sharp_angle.map(|angle| tags_by_dihedral(mesh, angle)).unwrap_or_default();
+    let given = options.sharp_edges.iter().filter(|edge| edge.iter().all(|v| v.index() < mesh.n_verts()));
+    Tags::new(bent.sharp_edges().iter().chain(given).copied(), [])
+}
 
 /// The chamfers of a mesh, and where their new vertices go.
-pub(crate) struct Chamfers {
+struct Chamfers {
     /// The colours. By region fits, chamfer edges and corner triangles are those of the fits.
     pub labels: Labels,
     /// The fits, where they were made.
@@ -58,7 +96,7 @@ fn unfit(mesh: &Mesh, labels: &Labels, options: &Options) -> Option<String> {
 }
 
 /// Finds the chamfers of `mesh` and places their new vertices.
-pub(crate) fn find(mesh: &Mesh, options: &Options, seconds: &mut Seconds) -> Chamfers {
+fn find(mesh: &Mesh, options: &Options, seconds: &mut Seconds) -> Chamfers {
     let normals = seconds.time("normals", || mesh.face_normals());
     let mut labels = seconds.time("classify", || classify(mesh, &normals, &options.classify_options()));
     let unfit = unfit(mesh, &labels, options);
@@ -80,7 +118,7 @@ pub(crate) fn find(mesh: &Mesh, options: &Options, seconds: &mut Seconds) -> Cha
 }
 
 /// A sharpened mesh without its degenerate or folded faces.
-pub(crate) struct Cleaned {
+struct Cleaned {
     pub mesh: Mesh,
     pub lineage: Lineage,
     /// Edges that subdivision created and that may be sharp, before cleaning.
@@ -90,7 +128,7 @@ pub(crate) struct Cleaned {
 }
 
 /// Cleans the faces at inserted vertices of `refined`.
-pub(crate) fn clean(
+fn clean(
     mesh: &Mesh,
     refined: &Refined,
     chamfers: &Chamfers,
@@ -145,7 +183,7 @@ fn chamfer_ends(mesh: &Mesh, labels: &Labels) -> PerVert<bool> {
 }
 
 /// Finds the sharp edges of the cleaned mesh. `mesh` is the input.
-pub(crate) fn find_tags(mesh: &Mesh, chamfers: &Chamfers, cleaned: &Cleaned, method: Method) -> Tags {
+fn find_tags(mesh: &Mesh, chamfers: &Chamfers, cleaned: &Cleaned, method: Method) -> Tags {
     let labels = &chamfers.labels;
     let n_old = mesh.n_verts();
     let is_tagged = |v: &Vert| v.index() >= n_old || labels.tagged_vertex[*v];

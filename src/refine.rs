@@ -156,6 +156,19 @@ pub struct Lineage {
     pub foreign: Vec<(Half, [f64; 3])>,
 }
 
+impl Lineage {
+    /// That of a mesh with the same faces.
+    #[must_use]
+    pub fn identity(mesh: &Mesh) -> Self {
+        let corners = [0, 1, 2].map(Place::Corner);
+        Self {
+            parents: mesh.face_ids().collect::<Vec<_>>().into(),
+            corners: corners.repeat(mesh.n_faces()).into(),
+            foreign: Vec::new(),
+        }
+    }
+}
+
 /// A rebuilt mesh.
 #[derive(Clone, Debug)]
 pub struct Refined {

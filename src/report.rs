@@ -5,6 +5,7 @@ use std::time::Instant;
 
 use serde::Serialize;
 
+use crate::bend::BendCounts;
 use crate::classify::Labels;
 use crate::collapse::CollapseCounts;
 use crate::mesh::{EdgeDefects, Mesh};
@@ -107,6 +108,9 @@ pub struct Report {
     pub untangled: Option<UntangleCounts>,
     /// Old vertices that were collapsed; an inserted vertex has taken the index of each.
     pub replaced_vertices: Vec<usize>,
+    /// How the new vertices of each level of bending were placed.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub bent: Vec<BendCounts>,
     /// Edges tagged as sharp in the output.
     pub sharp_edges: usize,
     /// Whether the output differs from the input at all.

@@ -6,6 +6,7 @@ use std::process::ExitCode;
 use anyhow::{Context, Result};
 use sharpen::error::display_name;
 use sharpen::place::Outcome;
+use sharpen::tags::polylines;
 use sharpen::weld::weld;
 use sharpen::{Mesh, Report, io, paint};
 
@@ -70,8 +71,12 @@ pub fn sharpen_file(arguments: &Arguments, input: &Path, output: &Path) -> Resul
         attributes.join(&mut faces, &firsts);
         mesh = Mesh::new(points, faces).with_context(name)?;
     }
+    let mut options = arguments.options();
+    if arguments.no_sharpen {
+        options.sharp_edges = attributes.line_edges();
+    }
     let (sharpened, attributes, lost) =
-        sharpen::sharpen_with_attributes(&mesh, attributes, &arguments.options())?;
+        sharpen::sharpen_with_attributes(&mesh, attributes, &options).with_context(name)?;
     let painted = sharpened.labels.as_ref().map(|labels| paint::paint(&mesh, labels));
     notices.extend(lost);
 
@@ -92,6 +97,10 @@ pub fn sharpen_file(arguments: &Arguments, input: &Path, output: &Path) -> Resul
     if let (Some(path), Some(painted)) = (&arguments.classes, painted) {
         io::write_bytes(path, &painted)?;
     }
+    if let Some(path) = &arguments.sharp_edges {
+        let lines = polylines(&sharpened.tags);
+        io::write_bytes(path, &io::format_polylines(sharpened.mesh.points(), &lines))?;
+    }
     Ok(Done { report: sharpened.report, notices })
 }
 
@@ -102,6 +111,9 @@ fn summary(input: &Path, report: &Report) -> String {
     let name = display_name(input);
     if let Some(why) = &report.unfit {
         return format!("{name}: left as it is: {why}");
+    }
+    if report.found.smooth_edges == 0 && report.changed {
+        return format!("{name}: not sharpened; {} -> {} faces", report.input.faces, report.output.faces);
     }
     if !report.changed {
         return format!("{name}: nothing to sharpen in {} faces", report.input.faces);

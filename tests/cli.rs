@@ -211,3 +211,74 @@ fn bad_input_is_one_line_with_file_line_and_reason_and_writes_nothing() {
     assert_eq!(fs::read_to_string(&out).unwrap(), "kept");
     assert_eq!(names(&folder), ["out.obj"]);
 }
+
+#[test]
+fn bending_splits_every_face_in_four_and_keeps_what_is_flat_flat() {
+    let (folder, cube) = folder_with_cube();
+    let (out, edges) = (folder.path().join("out.obj"), folder.path().join("edges.obj"));
+    sharpen()
+        .args(["-q", "--bend", "1"])
+        .arg(&cube)
+        .arg(&out)
+        .arg("--sharp-edges")
+        .arg(&edges)
+        .assert()
+        .success();
+    let model = io::read(&out).unwrap();
+    assert_eq!(model.faces.len(), 4 * 1140);
+    for p in &model.points[384..] {
+        let farthest = p.abs().max_element();
+        assert!((farthest - 1.0).abs() < 1e-9, "{p} is off the cube");
+    }
+    // The twelve edges of the cube, from corner to corner.
+    let text = fs::read_to_string(&edges).unwrap();
+    assert_eq!(text.lines().filter(|line| line.starts_with("l ")).count(), 12);
+    let vertices = text.lines().filter(|line| line.starts_with("v ")).count();
+    let on_lines: usize =
+        text.lines().filter(|l| l.starts_with("l ")).map(|l| l.split(' ').count() - 1).sum();
+    assert_eq!(on_lines, vertices + 2 * 12 - 8, "corners are shared by three lines");
+}
+
+#[test]
+fn a_mesh_can_be_bent_without_being_sharpened() {
+    let (folder, cube) = folder_with_cube();
+    let out = folder.path().join("out.obj");
+    let bent = contains("not sharpened; 764 -> 3056 faces");
+    sharpen().args(["--no-sharpen", "--bend", "1"]).arg(&cube).arg(&out).assert().success().stderr(bent);
+    sharpen().args(["--sharp-angle", "30"]).arg(&cube).arg(&out).assert().code(2);
+    // A square whose diagonal the file itself calls sharp.
+    let square = folder.path().join("square.obj");
+    fs::write(&square, "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3\nf 1 3 4\nl 1 3\n").unwrap();
+    let edges = folder.path().join("edges.obj");
+    sharpen()
+        .args(["-q", "--no-sharpen", "--bend", "1", "--sharp-edges"])
+        .arg(&edges)
+        .arg(&square)
+        .arg(&out)
+        .assert()
+        .success();
+    assert_eq!(fs::read_to_string(edges).unwrap(), "v 0 0 0\nv 1 1 0\nv 0.5 0.5 0\nl 1 3 2\n");
+}
+
+#[test]
+fn too_many_levels_are_refused_with_the_figure_before_any_work() {
+    let (folder, cube) = folder_with_cube();
+    let out = folder.path().join("out.obj");
+    let figure = contains("801112064 faces");
+    sharpen().args(["--bend", "10"]).arg(&cube).arg(&out).assert().code(1).stderr(figure);
+    sharpen().args(["--bend", "1", "--max-faces", "3000"]).arg(&cube).arg(&out).assert().code(1);
+    sharpen().args(["--bend", "4000000000"]).arg(&cube).arg(&out).assert().code(1);
+    assert_eq!(names(&folder), ["cube.obj"]);
+}
+
+#[test]
+fn denoising_holds_what_is_sharp() {
+    let (folder, cube) = folder_with_cube();
+    let (plain, out) = (folder.path().join("plain.obj"), folder.path().join("out.obj"));
+    sharpen().arg("-q").arg(&cube).arg(&plain).assert().success();
+    sharpen().args(["-q", "--denoise", "3"]).arg(&cube).arg(&out).assert().success();
+    let (plain, smoothed) = (io::read(&plain).unwrap(), io::read(&out).unwrap());
+    assert_eq!(plain.faces, smoothed.faces);
+    assert_eq!(plain.points[384..], smoothed.points[384..], "inserted vertices are tagged");
+    assert_ne!(plain.points[..384], smoothed.points[..384]);
+}

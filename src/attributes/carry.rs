@@ -41,7 +41,7 @@ impl Step<'_> {
         (self.lineage.parents[h.face()], weights)
     }
 
-    /// Which new faces are their parent, whole and with the same vertices.
+    /// Which new faces are their parent, whole and with the same vertices in the same places.
     pub fn intact(&self) -> PerFace<bool> {
         let parents = self.lineage.parents.as_slice();
         let is_intact = |f: Face| {
@@ -49,7 +49,8 @@ impl Step<'_> {
             let is_only = (i == 0 || parents[i - 1] != parents[i]) && parents.get(i + 1) != Some(&parents[i]);
             let place = |k: usize| self.lineage.corners[f.half(k)];
             let is_whole = (0..3).all(|k| place(k) == Place::Corner(k as u8));
-            is_only && is_whole && self.new.corners(f) == self.old.corners(parents[i])
+            let is_same = self.new.corners(f) == self.old.corners(parents[i]);
+            is_only && is_whole && is_same && self.new.triangle(f) == self.old.triangle(parents[i])
         };
         self.new.face_ids().map(is_intact).collect::<Vec<_>>().into()
     }

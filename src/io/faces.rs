@@ -67,6 +67,19 @@ impl Faces {
         }
     }
 
+    /// Appends faces that follow these in the file.
+    pub fn append(&mut self, next: Self) {
+        let first = self.triangles.len();
+        self.triangles.extend(next.triangles);
+        self.polygons.extend(next.polygons.into_iter().map(|(face, n)| (first + face, n)));
+        for (at, next) in [(&mut self.textures, next.textures), (&mut self.normals, next.normals)] {
+            if !next.is_empty() {
+                at.resize(3 * first, Channel::NONE);
+                at.extend(next);
+            }
+        }
+    }
+
     /// Replaces the fan that stands for each polygon by a sound cut.
     pub fn cut(mut self, points: &[DVec3]) -> CutFaces {
         let n_halves = 3 * self.triangles.len();

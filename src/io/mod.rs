@@ -129,7 +129,8 @@ pub fn write<'a>(path: &Path, view: impl Into<View<'a>>) -> Result<(), Error> {
 /// # Errors
 /// When the file system refuses.
 pub fn write_as<'a>(path: &Path, view: impl Into<View<'a>>, format: Format) -> Result<(), Error> {
-    write_bytes(path, &format_as(view, format))
+    let view = view.into();
+    put(path, |out| write_to(out, view, format))
 }
 
 /// A mesh as the bytes of an OBJ file.
@@ -141,13 +142,46 @@ pub fn format<'a>(view: impl Into<View<'a>>) -> Vec<u8> {
 /// A mesh as the bytes of a file.
 #[must_use]
 pub fn format_as<'a>(view: impl Into<View<'a>>, format: Format) -> Vec<u8> {
-    let view = view.into();
+    let mut bytes = Vec::new();
+    // Writing into memory does not fail.
+    write_to(&mut bytes, view.into(), format).unwrap_or_default();
+    bytes
+}
+
+fn write_to(out: &mut dyn Write, view: View, format: Format) -> std::io::Result<()> {
     match format {
-        Format::Obj => obj::format(view),
-        Format::Ply(encoding) => ply::format(view, encoding),
-        Format::Stl(encoding) => stl::format(view, encoding),
-        Format::Off => off::format(view),
+        Format::Obj => obj::write(view, out),
+        Format::Ply(encoding) => out.write_all(&ply::format(view, encoding)),
+        Format::Stl(encoding) => out.write_all(&stl::format(view, encoding)),
+        Format::Off => out.write_all(&off::format(view)),
     }
+}
+
+/// Polylines as the bytes of an OBJ file: the vertices on them, each once, ascending, then one `l` each.
+#[must_use]
+pub fn format_polylines(points: &[DVec3], lines: &[Vec<Vert>]) -> Vec<u8> {
+    let mut used: Vec<Vert> = lines.iter().flatten().copied().collect();
+    used.sort_unstable();
+    used.dedup();
+    let mut bytes = Vec::new();
+    for v in &used {
+        bytes.push(b'v');
+        for x in points[v.index()].to_array() {
+            bytes.push(b' ');
+            text::push_number(&mut bytes, x);
+        }
+        bytes.push(b'\n');
+    }
+    for line in lines {
+        bytes.push(b'l');
+        for v in line {
+            bytes.push(b' ');
+            let number = used.binary_search(v).map_or(0, |i| i + 1);
+            text::push_whole(&mut bytes, number);
+        }
+        bytes.push(b'\n');
+    }
+    bytes
 }
 
 /// What a file of this format cannot hold of a mesh, one line each.
@@ -172,11 +206,16 @@ fn is_stream(path: &Path) -> bool {
 /// # Errors
 /// When the file system refuses.
 pub fn write_bytes(path: &Path, bytes: &[u8]) -> Result<(), Error> {
+    put(path, |out| out.write_all(bytes))
+}
+
+/// Gives the file `path` what `write` writes, in one step.
+fn put(path: &Path, write: impl FnOnce(&mut dyn Write) -> std::io::Result<()>) -> Result<(), Error> {
     let written = if is_stream(path) {
         let mut out = std::io::stdout().lock();
-        out.write_all(bytes).and_then(|()| out.flush())
+        write(&mut out).and_then(|()| out.flush())
     } else {
-        replace(path, bytes)
+        replace(path, write)
     };
     written.map_err(|source| Error::file(path, "write", source))
 }
@@ -196,17 +235,17 @@ fn looks_like(bytes: &[u8]) -> Option<&'static str> {
     kinds.iter().find(|(start, _)| bytes.starts_with(start)).map(|&(_, kind)| kind)
 }
 
-/// Gives the file `path` the content `bytes` in one step.
-fn replace(path: &Path, bytes: &[u8]) -> std::io::Result<()> {
+/// Gives the file `path` what `write` writes, by way of a temporary file.
+fn replace(path: &Path, write: impl FnOnce(&mut dyn Write) -> std::io::Result<()>) -> std::io::Result<()> {
     // A link is followed, so that the file it names is replaced and not the link.
     let target = fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
     let existing = fs::metadata(&target).ok();
     if existing.as_ref().is_some_and(|file| !file.is_file()) {
-        return fs::OpenOptions::new().write(true).open(&target)?.write_all(bytes);
+        return write(&mut fs::OpenOptions::new().write(true).open(&target)?);
     }
     let folder = target.parent().filter(|folder| !folder.as_os_str().is_empty());
     let mut temporary = temporary::create(folder.unwrap_or(Path::new(".")))?;
-    temporary.write_all(bytes)?;
+    write(temporary.as_file_mut())?;
     if let Some(existing) = existing {
         temporary.as_file().set_permissions(existing.permissions())?;
     }

@@ -15,49 +15,124 @@ mod piece;
 mod run;
 mod write;
 
-pub(super) use write::{format, losses};
+pub(super) use write::{losses, write};
+
+use std::ops::Add;
 
 use glam::DVec3;
+use rayon::prelude::*;
 
 use super::text::{Cursor, is_blank};
 use super::{Model, looks_like};
 use crate::error::{Fault, Quoted};
 use crate::mesh::{MAX_FACES, MAX_VERTS};
+use piece::Piece;
 use run::Run;
 
-/// How many statements of each kind there are.
+/// How many statements of each kind there are, and lines.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 struct Counts {
     vertices: usize,
     faces: usize,
     textures: usize,
     normals: usize,
+    lines: usize,
 }
+
+impl Add for Counts {
+    type Output = Self;
+    fn add(self, other: Self) -> Self {
+        Self {
+            vertices: self.vertices + other.vertices,
+            faces: self.faces + other.faces,
+            textures: self.textures + other.textures,
+            normals: self.normals + other.normals,
+            lines: self.lines + other.lines,
+        }
+    }
+}
+
+/// Bytes that a thread reads at a time: enough that joining what they give costs nothing. It is the same
+/// for any number of threads, so that they give the same.
+const RUN: usize = 1 << 20;
 
 /// Reads a mesh.
 pub(super) fn parse(bytes: &[u8]) -> Result<Model, Fault> {
+    parse_in_runs(bytes, RUN)
+}
+
+fn parse_in_runs(bytes: &[u8], run: usize) -> Result<Model, Fault> {
     if bytes.starts_with(b"\xff\xfe") || bytes.starts_with(b"\xfe\xff") {
         return Err(Fault { line: 1, reason: "this is UTF-16 text; save it as UTF-8".to_owned() });
     }
     let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
-    let (total, last_line) = count(bytes);
+    let runs = split(bytes, run);
+    let counts: Vec<Counts> = runs.par_iter().map(|run| count(run)).collect();
+    let total = counts.iter().fold(Counts::default(), |sum, &count| sum + count);
     let most = total.vertices.max(total.textures).max(total.normals);
     if most > MAX_VERTS {
         return Err(Fault { line: 1, reason: format!("{most} vertices are too many") });
     }
     let mut points = vec![DVec3::ZERO; total.vertices];
-    let run = Run::new(Cursor::new(bytes, 1), &mut points, Counts::default(), total);
-    let piece = run.parse()?;
-    if piece.faces.triangles.is_empty() {
-        return Err(no_faces(bytes, total, last_line));
+    let mut pieces = Vec::new();
+    parse_runs(&runs, &counts, &mut points, total).collect_into_vec(&mut pieces);
+    let mut whole = Piece::with_capacity(&pieces);
+    for piece in pieces {
+        whole.append(piece?);
     }
-    if piece.faces.triangles.len() > MAX_FACES {
-        return Err(Fault {
-            line: 1,
-            reason: format!("{} triangles are too many", piece.faces.triangles.len()),
-        });
+    let n_triangles = whole.faces.triangles.len();
+    if n_triangles == 0 {
+        return Err(no_faces(bytes, total));
     }
-    Ok(piece.into_model(points))
+    if n_triangles > MAX_FACES {
+        return Err(Fault { line: 1, reason: format!("{n_triangles} triangles are too many") });
+    }
+    Ok(whole.into_model(points))
+}
+
+/// Cuts the bytes into runs of about `length`, each of whole statements.
+fn split(bytes: &[u8], length: usize) -> Vec<&[u8]> {
+    let mut runs = Vec::new();
+    let mut rest = bytes;
+    while rest.len() > length {
+        let mut text = Cursor::new(rest, 1);
+        text.at = length;
+        text.skip_line();
+        // Behind a line that ends in a backslash a statement may go on: the next one is taken along.
+        while !text.is_at_end() {
+            let start = text.at;
+            text.skip_line();
+            if !rest[start..text.at].trim_ascii_end().ends_with(b"\\") {
+                break;
+            }
+        }
+        let (run, after) = rest.split_at(text.at);
+        runs.push(run);
+        rest = after;
+    }
+    runs.push(rest);
+    runs
+}
+
+/// Reads each run, with its part of the points.
+fn parse_runs<'a>(
+    runs: &'a [&[u8]],
+    counts: &'a [Counts],
+    mut points: &'a mut [DVec3],
+    total: Counts,
+) -> impl IndexedParallelIterator<Item = Result<Piece, Fault>> + 'a {
+    let mut before = Counts::default();
+    let mut tasks = Vec::with_capacity(runs.len());
+    for (&bytes, &count) in runs.iter().zip(counts) {
+        let (own, rest) = points.split_at_mut(count.vertices);
+        points = rest;
+        tasks.push((Cursor::new(bytes, before.lines + 1), own, before, count));
+        before = before + count;
+    }
+    tasks.into_par_iter().map(move |(text, points, before, count)| {
+        let is_head = before == Counts::default();
+        Run::new(text, points, [before, count, total]).parse(is_head)
+    })
 }
 
 /// The kinds of statements that are counted.
@@ -87,13 +162,11 @@ fn kind(text: &mut Cursor) -> Kind {
     kind
 }
 
-/// Counts statements; also gives the number of the last line.
-fn count(bytes: &[u8]) -> (Counts, usize) {
-    let mut text = Cursor::new(bytes, 1);
+/// Counts statements and lines.
+fn count(bytes: &[u8]) -> Counts {
+    let mut text = Cursor::new(bytes, 0);
     let mut counts = Counts::default();
-    let mut last_line = 1;
     while !text.is_at_end() {
-        last_line = text.line;
         match kind(&mut text) {
             Kind::Vertex => counts.vertices += 1,
             Kind::Face => counts.faces += 1,
@@ -103,11 +176,14 @@ fn count(bytes: &[u8]) -> (Counts, usize) {
         }
         text.statement();
     }
-    (counts, last_line)
+    counts.lines = text.line;
+    counts
 }
 
 #[cold]
-fn no_faces(bytes: &[u8], total: Counts, last_line: usize) -> Fault {
+fn no_faces(bytes: &[u8], total: Counts) -> Fault {
+    // A last line without an end is not counted.
+    let last_line = total.lines + usize::from(!bytes.ends_with(b"\n") && !bytes.ends_with(b"\r"));
     match looks_like(bytes) {
         Some(kind) => {
             Fault { line: 1, reason: format!("no faces; {} is how {kind} begins", Quoted(first_word(bytes))) }
@@ -135,6 +211,12 @@ mod tests {
     fn faces(text: &str) -> Vec<[usize; 3]> {
         let model = read(text).unwrap_or_else(|fault| panic!("{text:?}: {fault}"));
         model.faces.iter().map(|face| face.map(Vert::index)).collect()
+    }
+
+    fn written(model: &Model) -> String {
+        let mut out = Vec::new();
+        write(View::from(model), &mut out).unwrap();
+        String::from_utf8(out).unwrap()
     }
 
     const POINTS: &str = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n";
@@ -214,7 +296,7 @@ mod tests {
         let points =
             vec![dvec3(1.0, -0.0, 0.1), dvec3(1e21, 5e-324, f64::MAX), dvec3(1.0 / 3.0, 100.0, -1e-7)];
         let model = Model { points, faces: vec![[0, 1, 2].map(Vert::new)], ..Model::default() };
-        let text = String::from_utf8(format(View::from(&model))).unwrap();
+        let text = written(&model);
         assert_eq!(
             text,
             "v 1 -0 0.1\nv 1e+21 5e-324 1.7976931348623157e+308\nv 0.3333333333333333 100 -1e-7\nf 1 2 3\n"
@@ -226,7 +308,7 @@ mod tests {
     fn again(text: &str) -> String {
         let model = read(text).unwrap_or_else(|fault| panic!("{text:?}: {fault}"));
         assert_eq!(model.notices, [""; 0], "{text:?}");
-        String::from_utf8(format(View::from(&model))).unwrap()
+        written(&model)
     }
 
     #[test]
@@ -271,7 +353,38 @@ mod tests {
         ];
         let model = read(text).unwrap();
         assert_eq!(model.notices, notices);
-        let written = String::from_utf8(format(View::from(&model))).unwrap();
+        let written = written(&model);
         assert_eq!(written, "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt NaN\nvn 0 NaN 1\nf 1 2 3\n");
+    }
+
+    #[test]
+    fn any_cut_into_runs_gives_the_same() {
+        let texts = [
+            "v 0 0 0\nv 1 0 0 0.5 0.25 1\nv 1 1 \\\n 0 1 1 1 0.5\r\nv 0 1 0\nvt 0.5\nvt 0 1\ng a \\\n b\nvn 0 0 1\n\
+             f 1/1 2/2 3\nusemtl x\n# c \\\nl 1/2 3 4/1\nf 1 -2 \\\n\\\n 4\nf 1 2 3//1 4\ng\nf -4/-1 2 3\rs 1\n",
+            "v 0 0 0\nv 1 0 0\nv 0 1 0\n# c\nf 1 2 3\n# \\\nx\nf 1 2 \\\n 3\nx\nf 1 2 4\nf 1 x\n",
+            "v 0 0 0\n\n\n\\\n\n\\\n\\\n v 0 0 0\n\n",
+        ];
+        for text in texts {
+            // As text, in which NaN equals NaN.
+            let in_runs = |run: usize| format!("{:?}", parse_in_runs(text.as_bytes(), run));
+            let whole = in_runs(usize::MAX);
+            (1..text.len()).for_each(|run| assert_eq!(in_runs(run), whole, "{run}"));
+        }
+    }
+
+    #[test]
+    fn polygons_and_groups_may_lie_across_batches() {
+        let mut text = String::new();
+        (0..50_000).for_each(|i| text += &format!("v {i} {} 0\n", i % 7));
+        text += "vt 0 0\nvt 1 1\n";
+        for i in 1..=15_000 {
+            text += &match i % 5 {
+                0 => format!("g {i}\nf {i} {} {}/1 {}\n", i + 1, i + 2, i + 3),
+                1 => format!("f {i}/2 {} {} {} {}/1 {}\np {i}\n", i + 1, i + 2, i + 3, i + 4, i + 6),
+                _ => format!("f {i} {} {}/2\n", i + 1, i + 2),
+            };
+        }
+        assert_eq!(again(&text), text);
     }
 }

@@ -7,11 +7,13 @@ use glam::DVec3;
 use super::super::Model;
 use super::super::faces::Faces;
 use crate::attributes::{Attributes, Channel, Column, Kind, Mark, Text};
+use crate::error::Fault;
 
 /// What a run of statements gave.
 #[derive(Default)]
 pub(super) struct Piece {
     pub faces: Faces,
+    pub n_verts: usize,
     /// The tables only: the entries of the corners are in `faces`.
     pub texture: Channel,
     pub normals: Channel,
@@ -37,11 +39,20 @@ impl LeftOut {
     const KINDS: usize = 12;
 
     pub fn add(&mut self, what: impl Into<String>, line: usize) {
-        let mut what = what.into();
+        self.add_many(what.into(), 1, line);
+    }
+
+    fn add_many(&mut self, mut what: String, count: usize, line: usize) {
         if self.0.len() >= Self::KINDS && !self.0.contains_key(&what) {
             "other statements".clone_into(&mut what);
         }
-        self.0.entry(what).or_insert((0, line)).0 += 1;
+        self.0.entry(what).or_insert((0, line)).0 += count;
+    }
+
+    fn append(&mut self, other: Self) {
+        for (what, (count, line)) in other.0 {
+            self.add_many(what, count, line);
+        }
     }
 
     fn into_notices(self) -> Vec<String> {
@@ -53,6 +64,33 @@ impl LeftOut {
 }
 
 impl Piece {
+    /// Room for what all of `pieces` have.
+    pub fn with_capacity(pieces: &[Result<Self, Fault>]) -> Self {
+        let sound = || pieces.iter().flatten();
+        let mut whole = Self::default();
+        whole.faces.triangles.reserve_exact(sound().map(|piece| piece.faces.triangles.len()).sum());
+        whole.texture.reserve_exact(sound().map(|piece| piece.texture.values.len()).sum());
+        whole.normals.reserve_exact(sound().map(|piece| piece.normals.values.len()).sum());
+        whole
+    }
+
+    /// Appends what the next run gave.
+    pub fn append(&mut self, next: Self) {
+        let first = self.faces.triangles.len() as u32;
+        if !next.extras.is_empty() {
+            self.extras.resize(STRIDE * self.n_verts, f64::NAN);
+            self.extras.extend(next.extras);
+        }
+        self.n_verts += next.n_verts;
+        self.faces.append(next.faces);
+        self.texture.append(next.texture);
+        self.normals.append(next.normals);
+        self.marks.extend(next.marks.into_iter().map(|mark| Mark { face: first + mark.face, ..mark }));
+        self.head.extend(next.head);
+        self.libraries.extend(next.libraries);
+        self.left_out.append(next.left_out);
+    }
+
     /// The model, now that all points are known: polygons are cut, tables become channels and columns.
     pub fn into_model(mut self, points: Vec<DVec3>) -> Model {
         let vertex_columns = self.columns(points.len());

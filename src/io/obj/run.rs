@@ -25,20 +25,25 @@ pub(super) struct Run<'a> {
 }
 
 impl<'a> Run<'a> {
-    pub fn new(text: Cursor<'a>, points: &'a mut [DVec3], first: Counts, total: Counts) -> Self {
+    /// `counts` are those before this run, in it and in the whole file.
+    pub fn new(text: Cursor<'a>, points: &'a mut [DVec3], [first, own, total]: [Counts; 3]) -> Self {
         Self {
             text,
             points,
             first,
             seen: first,
             total,
-            piece: Piece { faces: Faces::with_capacity(total.faces), ..Piece::default() },
+            piece: Piece {
+                faces: Faces::with_capacity(own.faces),
+                n_verts: own.vertices,
+                ..Piece::default()
+            },
             corners: Corners::default(),
         }
     }
 
-    pub fn parse(mut self) -> Result<Piece, Fault> {
-        if self.first == Counts::default() {
+    pub fn parse(mut self, is_head: bool) -> Result<Piece, Fault> {
+        if is_head {
             self.head();
         }
         while !self.text.is_at_end() {

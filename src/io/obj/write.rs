@@ -1,8 +1,13 @@
 //! Writes OBJ: coordinates in the shortest form that reads back to the same bits.
 
+use std::io::{self, Write};
+use std::ops::Range;
+
+use rayon::prelude::*;
+
 use super::super::View;
 use super::super::text::{push_number, push_whole};
-use crate::attributes::{Channel, Column, Statement};
+use crate::attributes::{Attributes, Channel, Column, Statement};
 use crate::mesh::{Half, Vert};
 
 /// The columns that an OBJ file can hold, by what it makes of them.
@@ -10,17 +15,44 @@ const COLOURS: [&str; 3] = ["red", "green", "blue"];
 const NORMALS: [&str; 3] = ["nx", "ny", "nz"];
 const TEXTURES: [[&str; 2]; 3] = [["s", "t"], ["u", "v"], ["texture_u", "texture_v"]];
 
-/// A mesh as the bytes of a file.
-pub(in super::super) fn format(view: View) -> Vec<u8> {
-    let mut out = Vec::with_capacity(40 * view.points.len() + 24 * view.faces.len());
-    push_head(&mut out, view);
-    push_vertices(&mut out, view);
+/// Vertices or faces that a thread writes at a time.
+const BATCH: usize = 1 << 14;
+
+/// Writes a mesh.
+pub(in super::super) fn write(view: View, out: &mut dyn Write) -> io::Result<()> {
     let textures = CornerSource::textures(view);
     let normals = CornerSource::normals(view);
-    textures.push_table(&mut out, "vt", &view.attributes.texture);
-    normals.push_table(&mut out, "vn", &view.attributes.normals);
-    push_faces(&mut out, view, &textures, &normals);
-    out
+    let mut head = Vec::new();
+    push_head(&mut head, view);
+    out.write_all(&head)?;
+    let vertices = Vertices::of(view);
+    in_batches(view.points.len(), out, |range, out| vertices.push(out, range))?;
+    for (source, keyword, channel) in
+        [(&textures, "vt", &view.attributes.texture), (&normals, "vn", &view.attributes.normals)]
+    {
+        in_batches(source.len(channel), out, |range, out| source.push_entries(out, keyword, channel, range))?;
+    }
+    let faces = Faces { view, textures, normals };
+    in_batches(view.faces.len(), out, |range, out| faces.push(out, range))
+}
+
+/// Formats the elements in batches, on all threads, and writes them in order.
+fn in_batches(
+    n: usize,
+    out: &mut dyn Write,
+    push: impl Fn(Range<usize>, &mut Vec<u8>) + Sync,
+) -> io::Result<()> {
+    let starts: Vec<usize> = (0..n).step_by(BATCH).collect();
+    for wave in starts.chunks(4 * rayon::current_num_threads()) {
+        let batch = |&start: &usize| {
+            let mut out = Vec::with_capacity(40 * BATCH);
+            push(start..n.min(start + BATCH), &mut out);
+            out
+        };
+        let batches: Vec<Vec<u8>> = wave.par_iter().map(batch).collect();
+        batches.iter().try_for_each(|batch| out.write_all(batch))?;
+    }
+    Ok(())
 }
 
 /// What an OBJ file cannot hold of a mesh.
@@ -61,23 +93,35 @@ fn push_line(out: &mut Vec<u8>, line: &[u8]) {
     out.push(b'\n');
 }
 
-fn push_vertices(out: &mut Vec<u8>, view: View) {
-    let attributes = view.attributes;
-    let weight = attributes.columns(["w"]);
-    let colours = attributes.columns(COLOURS);
-    let alpha = attributes.columns(["alpha"]);
-    for (i, point) in view.points.iter().enumerate() {
-        out.push(b'v');
-        point.to_array().into_iter().for_each(|number| push_word(out, number));
-        let extras = colours.iter().flatten().chain(alpha.iter().flatten().filter(|_| colours.is_some()));
-        let mut extras =
-            extras.map(|column| unit_value(column, i)).filter(|number| !number.is_nan()).peekable();
-        if extras.peek().is_none() {
-            let weight = weight.map(|[column]| column.values[i]).filter(|number| !number.is_nan());
-            weight.into_iter().for_each(|number| push_word(out, number));
+/// The vertices with what stands behind their coordinates.
+struct Vertices<'a> {
+    view: View<'a>,
+    weight: Option<&'a Column>,
+    /// Red, green, blue, and alpha if it is there.
+    colours: Vec<&'a Column>,
+}
+
+impl<'a> Vertices<'a> {
+    fn of(view: View<'a>) -> Self {
+        let attributes = view.attributes;
+        let mut colours = attributes.columns(COLOURS).map_or(Vec::new(), Vec::from);
+        if !colours.is_empty() {
+            colours.extend(attributes.columns(["alpha"]).into_iter().flatten());
         }
-        extras.for_each(|number| push_word(out, number));
-        out.push(b'\n');
+        Self { view, weight: attributes.columns(["w"]).map(|[weight]| weight), colours }
+    }
+
+    fn push(&self, out: &mut Vec<u8>, range: Range<usize>) {
+        for i in range {
+            out.push(b'v');
+            self.view.points[i].to_array().into_iter().for_each(|number| push_word(out, number));
+            let weight = self.weight.map(|column| column.values[i]).filter(|number| !number.is_nan());
+            let mut colour =
+                self.colours.iter().map(|column| unit_value(column, i)).filter(|x| !x.is_nan()).peekable();
+            weight.filter(|_| colour.peek().is_none()).into_iter().for_each(|number| push_word(out, number));
+            colour.for_each(|number| push_word(out, number));
+            out.push(b'\n');
+        }
     }
 }
 
@@ -118,22 +162,25 @@ impl<'a> CornerSource<'a> {
         columns.filter(|_| channel.values.is_empty()).map_or(Self::Channel, Self::Columns)
     }
 
-    fn push_table(&self, out: &mut Vec<u8>, keyword: &str, channel: &Channel) {
+    /// How many entries there are.
+    fn len(&self, channel: &Channel) -> usize {
         match self {
-            Self::Channel => {
-                for (value, &width) in channel.values.iter().zip(&channel.widths) {
-                    out.extend_from_slice(keyword.as_bytes());
-                    value[..width as usize].iter().for_each(|&number| push_word(out, number));
-                    out.push(b'\n');
+            Self::Channel => channel.values.len(),
+            Self::Columns(columns) => columns[0].values.len(),
+        }
+    }
+
+    fn push_entries(&self, out: &mut Vec<u8>, keyword: &str, channel: &Channel, range: Range<usize>) {
+        for i in range {
+            out.extend_from_slice(keyword.as_bytes());
+            match self {
+                Self::Channel => {
+                    let numbers = &channel.values[i][..channel.widths[i] as usize];
+                    numbers.iter().for_each(|&number| push_word(out, number));
                 }
+                Self::Columns(columns) => columns.iter().for_each(|column| push_word(out, column.values[i])),
             }
-            Self::Columns(columns) => {
-                for i in 0..columns[0].values.len() {
-                    out.extend_from_slice(keyword.as_bytes());
-                    columns.iter().for_each(|column| push_word(out, column.values[i]));
-                    out.push(b'\n');
-                }
-            }
+            out.push(b'\n');
         }
     }
 
@@ -149,14 +196,56 @@ impl<'a> CornerSource<'a> {
     }
 }
 
-fn push_faces(out: &mut Vec<u8>, view: View, textures: &CornerSource, normals: &CornerSource) {
-    let corners = view.faces.as_flattened();
-    let push_corner = |out: &mut Vec<u8>, half: usize| {
-        let v = corners[half];
+/// The faces, and what stands between them.
+struct Faces<'a> {
+    view: View<'a>,
+    textures: CornerSource<'a>,
+    normals: CornerSource<'a>,
+}
+
+impl Faces<'_> {
+    /// The faces of `range`, each polygon with the range that it begins in, and the marks before them.
+    fn push(&self, out: &mut Vec<u8>, range: Range<usize>) {
+        let Attributes { marks, polygons, .. } = self.view.attributes;
+        let from = |face: usize| marks.partition_point(|mark| (mark.face as usize) < face);
+        let is_last = range.end == self.view.faces.len();
+        let own_marks = from(range.start)..if is_last { marks.len() } else { from(range.end) };
+        let mut own_marks = marks[own_marks].iter().peekable();
+
+        let mut polygon = polygons.list.partition_point(|&(first, _)| (first as usize) < range.start);
+        let mut face = range.start;
+        // A polygon that began in the range before may reach into this one.
+        if let Some((first, sides)) = polygon.checked_sub(1).and_then(|before| polygons.get(before)) {
+            face = face.max(first + sides.len() - 2);
+        }
+        while face < range.end {
+            while let Some(mark) = own_marks.next_if(|mark| mark.face as usize <= face) {
+                push_statement(out, &mark.what);
+            }
+            out.push(b'f');
+            match polygons.get(polygon) {
+                Some((first, sides)) if first == face => {
+                    sides.iter().for_each(|&half: &Half| self.push_corner(out, half.index()));
+                    face += sides.len() - 2;
+                    polygon += 1;
+                }
+                _ => {
+                    (3 * face..3 * face + 3).for_each(|half| self.push_corner(out, half));
+                    face += 1;
+                }
+            }
+            out.push(b'\n');
+        }
+        own_marks.for_each(|mark| push_statement(out, &mark.what));
+    }
+
+    #[inline]
+    fn push_corner(&self, out: &mut Vec<u8>, half: usize) {
+        let v = self.view.faces.as_flattened()[half];
         out.push(b' ');
         push_whole(out, v.index() + 1);
-        let texture = textures.entry(&view.attributes.texture, half, v);
-        let normal = normals.entry(&view.attributes.normals, half, v);
+        let texture = self.textures.entry(&self.view.attributes.texture, half, v);
+        let normal = self.normals.entry(&self.view.attributes.normals, half, v);
         if texture.is_some() || normal.is_some() {
             out.push(b'/');
         }
@@ -165,25 +254,7 @@ fn push_faces(out: &mut Vec<u8>, view: View, textures: &CornerSource, normals: &
             out.push(b'/');
             push_whole(out, normal + 1);
         }
-    };
-    let mut marks = view.attributes.marks.iter().peekable();
-    let mut polygons = view.attributes.polygons.iter().peekable();
-    let mut face = 0;
-    while face < view.faces.len() {
-        while let Some(mark) = marks.next_if(|mark| mark.face as usize <= face) {
-            push_statement(out, &mark.what);
-        }
-        out.push(b'f');
-        if let Some((_, sides)) = polygons.next_if(|&(first, _)| first == face) {
-            sides.iter().for_each(|&half: &Half| push_corner(out, half.index()));
-            face += sides.len() - 2;
-        } else {
-            (3 * face..3 * face + 3).for_each(|half| push_corner(out, half));
-            face += 1;
-        }
-        out.push(b'\n');
     }
-    marks.for_each(|mark| push_statement(out, &mark.what));
 }
 
 fn push_statement(out: &mut Vec<u8>, what: &Statement) {
