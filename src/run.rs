@@ -18,8 +18,9 @@ use crate::cli::Arguments;
 /// # Errors
 /// One line that says what failed. No output is written unless all of it can be.
 pub fn run(arguments: &Arguments) -> Result<ExitCode> {
-    if let Some([input, output]) = arguments.folder.only_file.as_deref() {
-        return batch::answer_for(arguments, input, output);
+    if let Some(generated) = arguments.generate {
+        generated.print()?;
+        return Ok(ExitCode::SUCCESS);
     }
     if arguments.input.is_dir() && arguments.input != Path::new("-") {
         return batch::sharpen_folder(arguments);
