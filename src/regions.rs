@@ -180,13 +180,9 @@ pub fn label_by_fits(mesh: &Mesh, face_normals: &PerFace<DVec3>, labels: &Labels
 /// fits to the same point removes the angle that curvature explains. As lower half-edges, ascending.
 fn chamfer_edges(surface: &Surface, fits: &VertexFits) -> Vec<Half> {
     let Surface { mesh, h, interior, red_face, .. } = surface;
-    let is_chamfer = |&half: &Half| {
-        let Some(twin) = mesh.twin(half).filter(|&twin| half < twin) else { return false };
+    let is_chamfer = |&(half, twin): &(Half, Half)| {
         let (a, b) = (mesh.from(half), mesh.to(half));
         let (Some(p), Some(q)) = (fits.get(a), fits.get(b)) else { return false };
-        if interior[a] && interior[b] {
-            return false;
-        }
         let is_red = red_face[half.face()] || red_face[twin.face()];
         if is_red && (p.source == FitSource::Paper || q.source == FitSource::Paper) {
             return false; // The papers' plane comes with the papers' rule: no red edge is a chamfer.
@@ -195,8 +191,16 @@ fn chamfer_edges(surface: &Surface, fits: &VertexFits) -> Vec<Half> {
         let (n, m) = (p.evaluate(middle, *h).1, q.evaluate(middle, *h).1);
         n.dot(m) < CHAMFER_ANGLE.cos()
     };
-    let halves = (0..mesh.n_halves()).into_par_iter().map(Half::new);
-    halves.filter(is_chamfer).collect()
+    // Not both ends are interior: from the end that is not, and where neither is from the lower one.
+    let edges_from = |&v: &Vert| {
+        let is_mine = move |&half: &Half| interior[mesh.to(half)] || v < mesh.to(half);
+        let leaving = mesh.leaving(v).iter().copied().filter(is_mine);
+        leaving.filter_map(|half| Some((half, mesh.twin(half)?))).filter(is_chamfer)
+    };
+    let ends = fits.verts.par_iter().filter(|&&v| !interior[v]);
+    let mut chamfers: Vec<Half> = ends.flat_map_iter(edges_from).map(|(half, twin)| half.min(twin)).collect();
+    chamfers.par_sort_unstable();
+    chamfers
 }
 
 /// Flags both half-edges of each of `edges`. `[3F]`

@@ -5,7 +5,7 @@ use std::ops::Range;
 use glam::DVec3;
 
 use super::Surface;
-use crate::mesh::Vert;
+use crate::mesh::{PerVert, Vert};
 
 /// Every vertex this far (in h) from the centre is in the patch. By distance and not by rings: on slivers
 /// rings mean nothing (error ratio 1.5 h .377, 2.2 h .264, 3 h .169).
@@ -38,8 +38,8 @@ impl Cluster {
     }
 }
 
-/// Finds patches one after the other in the same memory.
-#[derive(Default)]
+/// Finds patches one after the other in the same memory: two bytes for each vertex of the mesh, as a small
+/// hash table in their place takes a tenth longer, all told.
 pub(super) struct Patch {
     /// The interior vertices, cluster by cluster.
     members: Vec<Member>,
@@ -50,6 +50,11 @@ pub(super) struct Patch {
 }
 
 impl Patch {
+    pub fn new(n_verts: usize) -> Self {
+        let known = VertexSet { stamps: PerVert::filled(n_verts, 0), today: 0 };
+        Self { members: Vec::new(), clusters: Vec::new(), doubtful: Vec::new(), known }
+    }
+
     /// Searches the patch of `centre`, by edges. Round an interior vertex it finds nothing but the smooth
     /// region that the vertex belongs to.
     ///
@@ -60,8 +65,7 @@ impl Patch {
         self.clusters.clear();
         self.doubtful.clear();
         self.known.clear();
-        let slot = self.known.slot(centre);
-        self.known.fill(slot, centre);
+        self.known.insert(centre);
         if surface.interior[centre] {
             self.flood_region(surface, centre, centre);
             return;
@@ -72,11 +76,13 @@ impl Patch {
         let mut next = 0;
         while let Some(&v) = self.doubtful.get(next) {
             for &w in surface.neighbours.of_vertex(v) {
-                let Some(slot) = self.known.free_slot(w) else { continue };
+                if self.known.contains(w) {
+                    continue;
+                }
                 if surface.mesh.point(w).distance_squared(origin) > reach || self.is_full() {
                     continue;
                 }
-                self.known.fill(slot, w);
+                self.known.insert(w);
                 if surface.interior[w] {
                     self.flood_region(surface, centre, w);
                 } else {
@@ -107,14 +113,16 @@ impl Patch {
         self.members.push(Member { vertex: seed, offset });
         while let Some(&Member { vertex, .. }) = self.members.get(next) {
             for &w in surface.neighbours.of_vertex(vertex) {
-                let Some(slot) = self.known.free_slot(w) else { continue };
+                if self.known.contains(w) {
+                    continue;
+                }
                 let offset = surface.mesh.point(w) - origin;
                 let squared = offset.length_squared();
                 let is_interior = surface.interior[w];
                 if squared > if is_interior { reach_in_region } else { reach } || self.is_full() {
                     continue;
                 }
-                self.known.fill(slot, w);
+                self.known.insert(w);
                 if is_interior {
                     self.members.push(Member { vertex: w, offset });
                     if (squared, w) < (nearest_squared, nearest) {
@@ -141,61 +149,29 @@ impl Patch {
     }
 }
 
-/// A small set of vertices: open addressing, at most half full.
+/// A set of vertices that is emptied in no time: those with the stamp of today are in it.
 struct VertexSet {
-    slots: Vec<Vert>,
-    n_used: usize,
-}
-
-impl Default for VertexSet {
-    fn default() -> Self {
-        Self { slots: vec![Vert::NONE; 512], n_used: 0 }
-    }
+    stamps: PerVert<u16>,
+    today: u16,
 }
 
 impl VertexSet {
     fn clear(&mut self) {
-        self.slots.fill(Vert::NONE);
-        self.n_used = 0;
-    }
-
-    /// The slot that holds `v`, or the free one where it belongs.
-    #[inline]
-    fn slot(&self, v: Vert) -> usize {
-        let mask = self.slots.len() - 1;
-        // Fibonacci hashing: neighbouring indices are spread over the table.
-        let mut slot = (v.index().wrapping_mul(0x9E37_79B9) >> 8) & mask;
-        while self.slots[slot] != v && self.slots[slot].is_some() {
-            slot = (slot + 1) & mask;
+        if self.today == u16::MAX {
+            self.stamps.as_mut_slice().fill(0);
+            self.today = 0;
         }
-        slot
+        self.today += 1;
     }
 
-    /// Where `v` belongs, if it is not in the set.
     #[inline]
-    fn free_slot(&self, v: Vert) -> Option<usize> {
-        let slot = self.slot(v);
-        (!self.slots[slot].is_some()).then_some(slot)
+    fn contains(&self, v: Vert) -> bool {
+        self.stamps[v] == self.today
     }
 
-    /// Puts `v` into its free slot.
     #[inline]
-    fn fill(&mut self, slot: usize, v: Vert) {
-        self.slots[slot] = v;
-        self.n_used += 1;
-        if 2 * self.n_used > self.slots.len() {
-            self.grow();
-        }
-    }
-
-    fn grow(&mut self) {
-        let larger = vec![Vert::NONE; 2 * self.slots.len()];
-        for v in std::mem::replace(&mut self.slots, larger) {
-            if v.is_some() {
-                let slot = self.slot(v);
-                self.slots[slot] = v;
-            }
-        }
+    fn insert(&mut self, v: Vert) {
+        self.stamps[v] = self.today;
     }
 }
 
@@ -220,7 +196,7 @@ mod tests {
         for v in mesh.verts() {
             surface.interior[v] = interior.contains(&(v.index() / 2));
         }
-        let mut patch = Patch::default();
+        let mut patch = Patch::new(mesh.n_verts());
         patch.search(&surface, Vert::new(0));
         patch.search(&surface, Vert::new(centre));
         let members = |cluster: &Cluster| {
@@ -261,6 +237,17 @@ mod tests {
     }
 
     #[test]
+    fn a_set_is_empty_again_also_when_its_stamps_run_out() {
+        let mut set = VertexSet { stamps: PerVert::filled(2, 0), today: 0 };
+        for round in 0..70_000 {
+            set.clear();
+            assert!(!set.contains(Vert::new(0)) && !set.contains(Vert::new(1)), "round {round}");
+            set.insert(Vert::new(round % 2));
+            assert!(set.contains(Vert::new(round % 2)));
+        }
+    }
+
+    #[test]
     fn a_patch_of_coincident_vertices_is_bounded() {
         // All points within reach of each other.
         let n = 2 * MAX_MEMBERS;
@@ -271,9 +258,8 @@ mod tests {
         let (_, labels) = labels(&m);
         let mut surface = Surface::new(&m, &normals, &labels);
         (surface.h, surface.interior[Vert::new(n)]) = (1.0, false);
-        let mut patch = Patch::default();
+        let mut patch = Patch::new(m.n_verts());
         patch.search(&surface, Vert::new(n));
         assert_eq!(patch.members.len() + patch.doubtful.len(), MAX_MEMBERS);
-        assert_eq!(patch.known.n_used, MAX_MEMBERS);
     }
 }
