@@ -93,7 +93,7 @@ pub(super) fn explain_by_regions(surface: &Surface) -> VertexFits {
         }
         best.map(|(_, fit)| fit).filter(|fit| fit.displacement.abs() < EXPLAINED)
     };
-    let scratch = || (Patch::new(surface.mesh.n_verts()), Vec::new());
+    let scratch = || (Patch::new(surface.mesh.n_verts()), Vec::new(), Fitter::default());
     let found = fits.verts.par_iter().with_min_len(MIN_TASK).map_init(scratch, explain).collect();
     fits.fits = found;
     fits
