@@ -212,6 +212,7 @@ impl Arguments {
             bend: self.bend,
             max_faces: self.max_faces,
             keep_labels: self.classes.is_some(),
+            keep_verdict: self.report.is_some() || self.verbose,
             ..defaults
         }
     }

@@ -22,6 +22,7 @@ mod label;
 mod patch;
 mod place;
 mod surface;
+mod verdict;
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -33,6 +34,7 @@ use crate::mesh::{Face, Half, Mesh, PerFace, PerHalf, PerVert, Vert};
 pub use gates::{Fate, OffSurface, Strip};
 pub use place::{MAX_SHIFT, place_by_fits};
 use surface::Surface;
+pub use verdict::{Support, Verdict, verdict};
 
 /// Fits whose normals differ by this angle, in radians, make a chamfer edge. At 30 degrees rounds get
 /// false edges, at 60 true ones are lost.

@@ -66,6 +66,18 @@ pub enum Fate {
     Guessed,
 }
 
+impl std::fmt::Display for Fate {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.pad(match self {
+            Self::Kept => "recovered",
+            Self::FarFromFits => "too far from the fits beside it",
+            Self::PoorFits => "short, between poor fits",
+            Self::Round => "rounded",
+            Self::Guessed => "short, made of guesses",
+        })
+    }
+}
+
 /// Candidate edges that share triangles, and why they are believed or not. Lengths in mean edges.
 #[derive(Clone, Debug, Serialize)]
 pub struct Strip {
