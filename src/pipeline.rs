@@ -119,6 +119,10 @@ fn find(mesh: &Mesh, options: &Options, seconds: &mut Seconds) -> Chamfers {
     let placement = seconds.time("place", || place_by_fits(mesh, &regions, options.max_shift()));
     labels.chamfer_edge.clone_from(&regions.chamfer_edge);
     labels.corner_faces.clone_from(&regions.corner_faces);
+    if options.keep_labels {
+        labels.abstained = regions.abstained();
+        labels.beyond_reach = regions.beyond_reach(mesh);
+    }
     Chamfers { labels, regions: Some(regions), placement, unfit }
 }
 

@@ -119,6 +119,29 @@ impl VertexFits {
 }
 
 impl RegionLabels {
+    /// The edges that look like chamfers and were left alone, ascending.
+    #[must_use]
+    pub fn abstained(&self) -> Vec<Half> {
+        let fate = |strip: &u32| self.strips[*strip as usize].fate;
+        let abstained =
+            self.candidates.iter().zip(&self.strip_of).filter(|(_, strip)| fate(strip) != Fate::Kept);
+        abstained.map(|(&h, _)| h).collect()
+    }
+
+    /// The edges between doubtful vertices of which one has no fit at all, ascending: no smooth face that
+    /// is three samples wide is near.
+    #[must_use]
+    pub fn beyond_reach(&self, mesh: &Mesh) -> Vec<Half> {
+        let is_doubtful = |v: &Vert| !self.interior_vertex[*v];
+        let is_beyond = |h: &Half| {
+            let ends = [mesh.from(*h), mesh.to(*h)];
+            !mesh.is_border(*h)
+                && ends.iter().all(is_doubtful)
+                && ends.iter().any(|&v| self.fits.get(v).is_none())
+        };
+        mesh.edges().filter(is_beyond).collect()
+    }
+
     /// Whether the old edge of `h` lies on a crease already: the fits of the vertices across its two
     /// faces make a chamfer angle on it, and both its ends lie on both fits.
     #[must_use]

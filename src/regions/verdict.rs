@@ -56,7 +56,7 @@ pub fn verdict(mesh: &Mesh, labels: &RegionLabels, placement: &Placement) -> Ver
         *abstained.entry(strip.fate).or_default() += strip.n_edges;
     }
     let recovered = abstained.remove(&Fate::Kept).unwrap_or(0);
-    let impossible = mesh.edges().filter(|&h| is_beyond_reach(mesh, labels, h)).count();
+    let impossible = labels.beyond_reach(mesh).len();
     let all = (labels.candidates.len() + impossible).max(1) as f64;
 
     let support = |edges: &[Half], at: Vert| support(mesh, labels, placement, edges, at);
@@ -74,13 +74,6 @@ pub fn verdict(mesh: &Mesh, labels: &RegionLabels, placement: &Placement) -> Ver
         noise: labels.noise,
         samples_off_surface: labels.off_surface.is_likely(),
     }
-}
-
-/// Whether an edge joins two doubtful vertices of which one has no fit at all.
-fn is_beyond_reach(mesh: &Mesh, labels: &RegionLabels, h: Half) -> bool {
-    let ends = [mesh.from(h), mesh.to(h)];
-    let is_doubtful = |v: &Vert| !labels.interior_vertex[*v];
-    !mesh.is_border(h) && ends.iter().all(is_doubtful) && ends.iter().any(|&v| labels.fits.get(v).is_none())
 }
 
 /// The chamfer edges in groups that share triangles with two chamfer edges: corner triangles part them.
