@@ -139,7 +139,8 @@ pub struct FolderArguments {
     pub timeout: Option<Duration>,
 
     /// Files worked on at the same time may need so much memory together, in megabytes, estimated as 20
-    /// times their size; one that needs more runs alone [default: half of the machine's].
+    /// times their size, times four for each level of bending; one that needs more runs alone [default:
+    /// half of the machine's].
     #[arg(long, value_name = "MB", value_parser = clap::value_parser!(u64).range(1..))]
     pub memory: Option<u64>,
 }

@@ -256,6 +256,7 @@ fn wrong_usage_is_status_2_and_makes_nothing() {
         &["--memory", "0"],
         &["--include", "[a"],
         &["--classes", "classes.ply"],
+        &["--sharp-edges", "edges.obj"],
     ] {
         place.sharpen().args(flags).assert().code(2);
         assert!(!place.path("out").exists());

@@ -72,8 +72,10 @@ pub fn sharpen_folder(arguments: &Arguments) -> Result<ExitCode> {
 /// Makes the output folder and keeps other runs out of it as long as what comes back lives.
 fn open_output(arguments: &Arguments) -> Result<Option<File>> {
     let output = &arguments.output;
-    if arguments.classes.is_some() {
-        cli::wrong_usage("--classes names one file, and the input is a folder");
+    for (file, flag) in [(&arguments.classes, "--classes"), (&arguments.sharp_edges, "--sharp-edges")] {
+        if file.is_some() {
+            cli::wrong_usage(format!("{flag} names one file, and the input is a folder"));
+        }
     }
     fs::create_dir_all(output).with_context(|| format!("{}: cannot make a folder", display_name(output)))?;
     if fs::canonicalize(output)? == fs::canonicalize(&arguments.input)? {
@@ -152,7 +154,7 @@ impl<'a> Run<'a> {
         let budget = Budget::new(self.jobs, bytes);
         rayon::in_place_scope(|scope| {
             for task in tasks {
-                let share = budget.take(memory_for(task.size));
+                let share = budget.take(memory_for(task.size, self.arguments.bend));
                 if self.books().error.is_some() {
                     break;
                 }
@@ -300,11 +302,12 @@ fn jobs(arguments: &Arguments) -> usize {
 }
 
 /// How much memory a file of `size` bytes may need. Measured on a million faces: 4 (STL) to 9 times
-/// (PLY) its size; short numbers, attributes and many chamfers make it more.
-fn memory_for(size: u64) -> u64 {
+/// (PLY) its size; short numbers, attributes and many chamfers make it more. Each level of bending makes
+/// four faces of one.
+fn memory_for(size: u64, levels: u32) -> u64 {
     const PER_FILE: u64 = 1_000_000;
     const TIMES: u64 = 20;
-    PER_FILE + TIMES * size
+    TIMES.saturating_mul(4_u64.saturating_pow(levels)).saturating_mul(size).saturating_add(PER_FILE)
 }
 
 #[cfg(test)]
