@@ -191,6 +191,26 @@ fn lines_to_vertices_that_are_gone_are_named() {
     );
 }
 
+#[test]
+fn a_new_vertex_without_a_face_has_no_colour() {
+    // Found by random changes to files: faces that name a vertex twice can leave one behind.
+    let model = read("v 0 0 0 1 0 0\nv 2 0 0 0 1 0\nv 0 2 0 0 0 1\nf 1 2 3\n");
+    let mut points = model.points.clone();
+    let mesh = Mesh::new(model.points, model.faces).unwrap();
+    points.push(DVec3::ONE);
+    let new = Mesh::new(points, mesh.faces().to_vec()).unwrap();
+    let lineage = Lineage {
+        parents: vec![Face::new(0)].into(),
+        corners: [0, 1, 2].map(Place::Corner).to_vec().into(),
+        foreign: Vec::new(),
+    };
+    let (attributes, _) = model.attributes.carry(&lineage, &mesh, &new, &[]);
+    assert_eq!(
+        written(new.points(), new.faces(), &attributes),
+        "v 0 0 0 1 0 0\nv 2 0 0 0 1 0\nv 0 2 0 0 0 1\nv 1 1 1\nf 1 2 3\n"
+    );
+}
+
 // 4---3 6    The square with vertices of its own on each side of its diagonal.
 // | / / |
 // 1 5---2

@@ -44,8 +44,11 @@ const WITNESS_RMS: f64 = 0.01;
 /// Share of samples off the surface from which on it is the sampling and not chance. Measured: marching
 /// cubes .20 to .51; marching intersections, remeshed and scanned .05 or less.
 const OFF_SHARE: f64 = 0.12;
-/// Share of witnesses that is needed to be sure. Organic meshes have .16 and less, noisy ones 0.
-const WITNESS_SHARE: f64 = 0.8;
+/// Share of witnesses that is needed to be sure. Organic meshes have .16 and less, noisy ones 0; a coarse
+/// marching-cubes mesh has .4.
+const WITNESS_SHARE: f64 = 0.3;
+/// Share of all labels that must be witnesses off the surface: one witness on a noisy mesh proves nothing.
+const OFF_SHARE_OF_ALL: f64 = 0.1;
 
 /// What became of a strip.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
@@ -61,6 +64,18 @@ pub enum Fate {
     Round,
     /// It is short and rests on guesses.
     Guessed,
+}
+
+impl std::fmt::Display for Fate {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.pad(match self {
+            Self::Kept => "recovered",
+            Self::FarFromFits => "too far from the fits beside it",
+            Self::PoorFits => "short, between poor fits",
+            Self::Round => "rounded",
+            Self::Guessed => "short, made of guesses",
+        })
+    }
 }
 
 /// Candidate edges that share triangles, and why they are believed or not. Lengths in mean edges.
@@ -92,14 +107,11 @@ pub struct OffSurface {
 }
 
 impl OffSurface {
-    /// Whether it looks as if they were.
+    /// Whether they are, so that they have to be moved.
     pub(super) fn is_likely(self) -> bool {
         self.share >= OFF_SHARE
-    }
-
-    /// Whether they are for certain, so that they have to be moved.
-    pub(super) fn is_certain(self) -> bool {
-        self.is_likely() && self.witnesses >= WITNESS_SHARE
+            && self.witnesses >= WITNESS_SHARE
+            && self.share * self.witnesses >= OFF_SHARE_OF_ALL
     }
 }
 
@@ -370,6 +382,9 @@ mod tests {
         let off = off_surface(&surface, &fits, &chamfers);
         // Vertex 5 is interior, 4 and 7 have no fit, 3 has a guess; of 0 and 2 the first is off.
         assert_eq!(off, OffSurface { witnesses: 2.0 / 3.0, share: 0.5 });
-        assert!(off.is_likely() && !off.is_certain());
+        assert!(off.is_likely());
+        assert!(!OffSurface { witnesses: 0.9, share: 0.11 }.is_likely(), "too small a share");
+        assert!(!OffSurface { witnesses: 0.29, share: 0.9 }.is_likely(), "too few witnesses");
+        assert!(!OffSurface { witnesses: 0.5, share: 0.15 }.is_likely(), "too few of all labels");
     }
 }

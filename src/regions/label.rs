@@ -41,6 +41,9 @@ const ADOPTED_DISPLACEMENT: f64 = 0.1;
 /// ... and one of its faces within this angle (cosine; 40 degrees) of the fit's normal.
 const ADOPTED_COSINE: f64 = 0.77;
 
+/// Vertices per unit of parallel work, at least: each unit makes its own scratch memory.
+const MIN_TASK: usize = 256;
+
 /// Steps 3 to 5: gives each doubtful vertex the fit of the smooth region that explains it best.
 pub(super) fn explain_by_regions(surface: &Surface) -> VertexFits {
     let mut fits = VertexFits::none(surface.mesh.n_verts(), surface.doubtful());
@@ -84,7 +87,9 @@ pub(super) fn explain_by_regions(surface: &Surface) -> VertexFits {
         }
         best.map(|(_, fit)| fit).filter(|fit| fit.displacement.abs() < EXPLAINED)
     };
-    fits.fits = fits.verts.par_iter().map_init(Default::default, explain).collect();
+    let scratch = || (Patch::default(), Vec::new(), Fitter::default());
+    let found = fits.verts.par_iter().with_min_len(MIN_TASK).map_init(scratch, explain).collect();
+    fits.fits = found;
     fits
 }
 
