@@ -201,7 +201,7 @@ pub fn label_by_fits(mesh: &Mesh, face_normals: &PerFace<DVec3>, labels: &Labels
 fn label_vertices(surface: &Surface) -> (VertexFits, f64) {
     let mut fits = label::explain_by_regions(surface);
     label::explain_by_red_faces(surface, &mut fits);
-    label::explain_by_leftovers(surface, &mut fits);
+    label::explain_by_leftovers(surface, &mut fits, label::LEFTOVER_RMS);
     let noise = gates::noise(&fits);
     let chamfers = chamfer_edges(surface, &fits);
     let is_off = gates::off_surface(surface, &fits, &chamfers).is_likely();
@@ -211,11 +211,12 @@ fn label_vertices(surface: &Surface) -> (VertexFits, f64) {
         let limit = least.max(FAR_IN_NOISE * noise);
         if is_off { label::EXPLAINED } else { limit.min(label::EXPLAINED) }
     };
+    let leftover_rms = if is_off { label::LEFTOVER_RMS_OFF_SURFACE } else { label::LEFTOVER_RMS };
     label::take_back_far_labels(surface, &mut fits, limit(FAR));
-    label::explain_by_leftovers(surface, &mut fits);
+    label::explain_by_leftovers(surface, &mut fits, leftover_rms);
     grow::grow(surface, &mut fits, limit(FAR_TO_GROW));
     label::explain_by_red_faces(surface, &mut fits);
-    label::explain_by_leftovers(surface, &mut fits);
+    label::explain_by_leftovers(surface, &mut fits, leftover_rms);
     label::adopt_from_neighbours(surface, &mut fits);
     (fits, noise)
 }

@@ -35,6 +35,10 @@ const ROUND_GUESSED: f64 = 0.4;
 const SHORT_STRIP: usize = 10;
 const MAX_GUESSED: f64 = 0.5;
 
+/// Where less than this share of the candidates is kept, a strip has to be long to be believed. On filleted
+/// boxes fragments of 2 to 13 edges came through, each of which spikes the fillet.
+const MOSTLY_KEPT: f64 = 0.5;
+
 /// A sample is off the surface when it is this far from a fit, in h ...
 const OFF_DISPLACEMENT: f64 = 0.03;
 /// ... and this many times the fit's residual ...
@@ -64,6 +68,8 @@ pub enum Fate {
     Round,
     /// It is short and rests on guesses.
     Guessed,
+    /// It is short, and most of what is round it was left alone.
+    Fragment,
 }
 
 impl std::fmt::Display for Fate {
@@ -74,6 +80,7 @@ impl std::fmt::Display for Fate {
             Self::PoorFits => "short, between poor fits",
             Self::Round => "rounded",
             Self::Guessed => "short, made of guesses",
+            Self::Fragment => "a fragment of what was left alone",
         })
     }
 }
@@ -166,7 +173,23 @@ pub(super) fn judge_strips(
     for (&h, &strip) in candidates.iter().zip(&strip_of) {
         sums[strip as usize].add(surface, fits, h);
     }
-    (strip_of, sums.iter().map(|sums| sums.strip(noise)).collect())
+    let mut strips: Vec<Strip> = sums.iter().map(|sums| sums.strip(noise)).collect();
+    cancel_fragments(&mut strips);
+    (strip_of, strips)
+}
+
+/// Where the gates cancelled most of the candidates, the mesh is round, and what they let through in short
+/// strips are fragments of the same rounds.
+fn cancel_fragments(strips: &mut [Strip]) {
+    let n_edges = |strips: &mut dyn Iterator<Item = &Strip>| strips.map(|strip| strip.n_edges).sum::<usize>();
+    let all = n_edges(&mut strips.iter());
+    let kept = n_edges(&mut strips.iter().filter(|strip| strip.fate == Fate::Kept));
+    if (kept as f64) < MOSTLY_KEPT * all as f64 {
+        for strip in strips.iter_mut().filter(|strip| strip.fate == Fate::Kept && strip.n_edges < LONG_STRIP)
+        {
+            strip.fate = Fate::Fragment;
+        }
+    }
 }
 
 /// Numbers the groups of `edges` that share triangles, in the order of their lowest edges.
@@ -367,6 +390,29 @@ mod tests {
         list.push(fit(4, 0.2, 7, Region));
         assert_eq!(noise(&VertexFits::of(m.n_verts(), list)), 0.2);
         assert_eq!(noise(&VertexFits::default()), 0.0);
+    }
+
+    #[test]
+    fn fragments_of_what_was_left_alone_are_left_alone_too() {
+        let strip = |n_edges, fate| Strip {
+            n_edges,
+            displacement: 0.0,
+            rms: 0.0,
+            inward: 0.0,
+            n_inward: 0,
+            guessed: 0.0,
+            fate,
+        };
+        let fates = |mut strips: Vec<Strip>| {
+            cancel_fragments(&mut strips);
+            strips.into_iter().map(|strip| strip.fate).collect::<Vec<_>>()
+        };
+        let round = strip(100, Fate::Round);
+        let (short, long) = (strip(29, Fate::Kept), strip(30, Fate::Kept));
+        let cancelled = fates(vec![round.clone(), short.clone(), long.clone()]);
+        assert_eq!(cancelled, [Fate::Round, Fate::Fragment, Fate::Kept]);
+        let kept = fates(vec![round, short, strip(71, Fate::Kept)]);
+        assert_eq!(kept, [Fate::Round, Fate::Kept, Fate::Kept], "half of the edges");
     }
 
     #[test]
