@@ -311,8 +311,16 @@ impl FileVerts {
 }
 
 impl Channel {
-    /// Adds the mean of three entries, weighted.
+    /// The mean of three entries, weighted: a new entry, unless they are all the same.
     fn mix(&mut self, entries: [u32; 3], weights: [f64; 3]) -> u32 {
+        let mut used =
+            entries.into_iter().zip(weights).filter(|&(_, weight)| weight > 0.0).map(|(entry, _)| entry);
+        let bits = |entry: u32| (self.values[entry as usize].map(f64::to_bits), self.widths[entry as usize]);
+        if let Some(first) = used.next()
+            && used.all(|entry| bits(entry) == bits(first))
+        {
+            return first;
+        }
         let mut value = [0.0; 3];
         let mut width = 0;
         for (entry, weight) in entries.into_iter().zip(weights).filter(|&(_, weight)| weight > 0.0) {
