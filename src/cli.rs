@@ -12,20 +12,25 @@ use sharpen::options::DEFAULT_MAX_FACES;
 use sharpen::weld::Weld;
 use sharpen::{Method, Options, io};
 
+use crate::generate::Generated;
+
 /// Gives a triangle mesh back the sharp edges and corners that sampling took away.
 ///
 /// Marching cubes, scanners, remeshers and generators cut every crease off into a strip of chamfer
 /// triangles. sharpen finds these strips and puts new vertices where the smooth surfaces on both sides
 /// meet. Everything else stays as it is: the same vertices in the same order, bit for bit.
 #[derive(Parser, Clone, Debug)]
+#[command(override_usage = "sharpen [OPTIONS] <INPUT> <OUTPUT>\n       sharpen --generate <WHAT>")]
 #[command(version, after_help = EXIT_STATUS, after_long_help = format!("{FOLDERS}\n\n{EXIT_STATUS}"))]
 pub struct Arguments {
     /// The mesh to sharpen: OBJ, PLY, STL or OFF; `-` for standard input (with --format). Or a folder of
     /// meshes.
+    #[arg(required_unless_present = "generate", default_value = "-", hide_default_value = true)]
     pub input: PathBuf,
 
     /// Where the sharpened mesh goes, in any of these formats; may be the input. For a folder, a folder,
     /// which may not be the input.
+    #[arg(required_unless_present = "generate", default_value = "-", hide_default_value = true)]
     pub output: PathBuf,
 
     /// Run the papers' algorithm to the letter.
@@ -81,7 +86,8 @@ pub struct Arguments {
     pub format: Option<String>,
 
     /// Also write the input mesh painted as in the papers' figures: red smooth regions, green corner
-    /// triangles, blue chamfer edges, brown smooth edges.
+    /// triangles, blue chamfer edges, brown smooth edges; orange is what looks like a chamfer and was left
+    /// alone, violet what nothing can be said of.
     #[arg(long, value_name = "FILE.ply")]
     pub classes: Option<PathBuf>,
 
@@ -100,6 +106,10 @@ pub struct Arguments {
     /// Say nothing but errors.
     #[arg(short, long, conflicts_with = "verbose")]
     pub quiet: bool,
+
+    /// Print completions for a shell, or a man page, and do nothing else.
+    #[arg(long, value_name = "WHAT", exclusive = true)]
+    pub generate: Option<Generated>,
 
     /// What holds for folders only.
     #[command(flatten)]
@@ -128,14 +138,11 @@ pub struct FolderArguments {
     #[arg(long, value_name = "SECONDS", value_parser = seconds)]
     pub timeout: Option<Duration>,
 
-    /// Files worked on at the same time may need so much memory together, in megabytes, as estimated from
-    /// their sizes; one that needs more runs alone [default: half of the machine's].
+    /// Files worked on at the same time may need so much memory together, in megabytes, estimated as 20
+    /// times their size, times four for each level of bending; one that needs more runs alone [default:
+    /// half of the machine's].
     #[arg(long, value_name = "MB", value_parser = clap::value_parser!(u64).range(1..))]
     pub memory: Option<u64>,
-
-    /// The process is one that a folder run has started for one file.
-    #[arg(long, hide = true, num_args = 2, allow_hyphen_values = true, value_names = ["INPUT", "OUTPUT"])]
-    pub only_file: Option<Vec<PathBuf>>,
 }
 
 const EXIT_STATUS: &str = "\
@@ -207,6 +214,7 @@ impl Arguments {
             bend: self.bend,
             max_faces: self.max_faces,
             keep_labels: self.classes.is_some(),
+            keep_verdict: self.report.is_some() || self.verbose,
             ..defaults
         }
     }

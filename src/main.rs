@@ -2,6 +2,7 @@
 
 mod batch;
 mod cli;
+mod generate;
 mod run;
 
 use std::process::ExitCode;
@@ -9,7 +10,7 @@ use std::process::ExitCode;
 use clap::Parser;
 
 fn main() -> ExitCode {
-    match run::run(&cli::Arguments::parse()) {
+    match batch::call_for_one_file().unwrap_or_else(|| run::run(&cli::Arguments::parse())) {
         Ok(code) => code,
         Err(error) => {
             eprintln!("sharpen: {error:#}");

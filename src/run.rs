@@ -18,8 +18,9 @@ use crate::cli::Arguments;
 /// # Errors
 /// One line that says what failed. No output is written unless all of it can be.
 pub fn run(arguments: &Arguments) -> Result<ExitCode> {
-    if let Some([input, output]) = arguments.folder.only_file.as_deref() {
-        return batch::answer_for(arguments, input, output);
+    if let Some(generated) = arguments.generate {
+        generated.print()?;
+        return Ok(ExitCode::SUCCESS);
     }
     if arguments.input.is_dir() && arguments.input != Path::new("-") {
         return batch::sharpen_folder(arguments);
@@ -136,6 +137,18 @@ fn details(report: &Report) -> String {
         let (bad, collapsed, flipped) = (untangled.bad_before, untangled.collapsed, untangled.flipped);
         let left = untangled.left;
         lines.push(format!("{bad} bad faces: {collapsed} edges collapsed, {flipped} flipped; {left} left"));
+    }
+    if let Some(verdict) = &report.verdict {
+        let percent = |share: f64| format!("{:.1} %", 100.0 * share);
+        let (creases, corners) = (verdict.creases.len(), verdict.corners.len());
+        let recovered = percent(verdict.recovered);
+        lines.push(format!("{creases} creases and {corners} corners: {recovered} of the chamfers"));
+        let abstained = verdict.abstained.iter();
+        lines.extend(abstained.map(|(why, share)| format!("left alone, {why}: {}", percent(*share))));
+        if verdict.impossible > 0.0 {
+            let impossible = percent(verdict.impossible);
+            lines.push(format!("beyond reach (smooth faces under three samples wide): {impossible}"));
+        }
     }
     let defects = report.left_alone.defects;
     for (count, what) in [

@@ -256,6 +256,7 @@ fn wrong_usage_is_status_2_and_makes_nothing() {
         &["--memory", "0"],
         &["--include", "[a"],
         &["--classes", "classes.ply"],
+        &["--sharp-edges", "edges.obj"],
     ] {
         place.sharpen().args(flags).assert().code(2);
         assert!(!place.path("out").exists());
@@ -650,4 +651,32 @@ fn a_terminal_shows_a_bar_and_a_pipe_none() {
     let said = String::from_utf8_lossy(&output.stdout).into_owned();
     assert!(said.contains("/3 files") && said.contains(" faces, ") && said.contains(" left"), "{said:?}");
     assert!(said.contains("2 sharpened, 1 failed, 0 skipped"), "{said:?}");
+}
+
+// Kills.
+
+/// The small version of `scripts/batch_torture.py`, which says what it checks.
+#[cfg(target_os = "linux")]
+fn torture(flags: &[&str]) {
+    let place = tempfile::tempdir().unwrap();
+    let mut command = std::process::Command::new("python3");
+    command.arg(concat!(env!("CARGO_MANIFEST_DIR"), "/scripts/batch_torture.py"));
+    command.args(["--files", "300", "--binary"]).arg(assert_cmd::cargo::cargo_bin("sharpen"));
+    command.arg("--place").arg(place.path()).args(flags);
+    match command.output() {
+        Ok(output) => assert!(output.status.success(), "{output:#?}"),
+        Err(error) => eprintln!("skipped: no python3: {error}"),
+    }
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_run_that_is_killed_again_and_again_loses_nothing() {
+    torture(&[]);
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn so_does_one_with_a_process_for_each_file() {
+    torture(&["--isolate", "--jobs", "4", "--files", "100"]);
 }

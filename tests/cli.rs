@@ -156,6 +156,35 @@ fn help_and_version_succeed() {
 }
 
 #[test]
+fn completions_and_the_man_page_know_every_option() {
+    let help = sharpen().arg("--help").output().unwrap();
+    let help = String::from_utf8(help.stdout).unwrap();
+    let options: Vec<_> = help.lines().filter_map(|line| line.trim().strip_prefix("--")).collect();
+    assert!(options.len() > 10);
+    for what in ["bash", "zsh", "fish", "man"] {
+        let output = sharpen().args(["--generate", what]).assert().success().stderr("").get_output().clone();
+        let text = String::from_utf8(output.stdout).unwrap().replace('\\', "");
+        for option in &options {
+            let name = option.split([' ', ',', '=']).next().unwrap();
+            assert!(text.contains(name), "{what} does not know --{name}");
+        }
+    }
+    sharpen().args(["--generate", "bash", "a.obj", "b.obj"]).assert().code(2);
+    sharpen().args(["--generate", "tcsh"]).assert().code(2);
+}
+
+#[test]
+fn bash_takes_its_completions() {
+    let completions = sharpen().args(["--generate", "bash"]).output().unwrap().stdout;
+    let ask = "COMP_WORDS=(sharpen --ti); COMP_CWORD=1; _sharpen sharpen --ti sharpen; echo \"$COMPREPLY\"";
+    let script = format!("{}\n{ask}", String::from_utf8(completions).unwrap());
+    match std::process::Command::new("bash").args(["-ec", &script]).output() {
+        Ok(output) => assert_eq!(String::from_utf8_lossy(&output.stdout), "--timeout\n", "{output:?}"),
+        Err(error) => eprintln!("skipped: no bash: {error}"),
+    }
+}
+
+#[test]
 fn bad_input_is_one_line_with_file_line_and_reason_and_writes_nothing() {
     let folder = folder();
     let out = folder.path().join("out.obj");

@@ -1,12 +1,15 @@
 //! One file in a process of its own.
 //!
 //! A thread cannot be stopped from outside, whatever it does; a process can. With `--timeout` the program
-//! calls itself for each file, with the same arguments and a hidden one more, and kills the process that
-//! takes too long. What the file does to it, an abort included, stays in it. Should the parent be killed,
+//! calls itself for each file, with the same arguments behind the names of the file, and kills the process
+//! that takes too long. What the file does to it, an abort included, stays in it. Should the parent be killed,
 //! the child notices that its standard input ends, and ends as well.
 
 use std::env;
+use std::ffi::OsString;
 use std::io::{self, Read, Write};
+use std::iter;
+use std::path::PathBuf;
 use std::process::{Child, Command, ExitStatus, Stdio};
 use std::sync::mpsc::{self, RecvTimeoutError};
 use std::thread;
@@ -23,15 +26,30 @@ pub enum End {
     Killed,
 }
 
+/// The first word of a call for one file of a folder; input and output follow, then all words of the call
+/// for the folder.
+const ONLY_FILE: &str = "--only-file";
+
 /// The call for one file of a folder.
 ///
 /// # Errors
 /// When the program cannot be found any more.
-pub fn command(task: &Task) -> io::Result<Command> {
+pub fn call(task: &Task) -> io::Result<Command> {
     let mut command = Command::new(env::current_exe()?);
-    // In front of the others, among which may be a `--`.
-    command.arg("--only-file").arg(&task.input).arg(&task.output).args(env::args_os().skip(1));
+    command.arg(ONLY_FILE).args([&task.input, &task.output]).args(env::args_os().skip(1));
     Ok(command)
+}
+
+/// What this process was called for, if for one file of a folder: input, output, and all words of the
+/// call for the folder.
+pub fn called() -> Option<(PathBuf, PathBuf, Vec<OsString>)> {
+    let mut words = env::args_os();
+    let program = words.next()?;
+    if words.next()? != ONLY_FILE {
+        return None;
+    }
+    let [input, output] = [words.next()?, words.next()?].map(PathBuf::from);
+    Some((input, output, iter::once(program).chain(words).collect()))
 }
 
 /// Runs a command for no longer than `timeout`, and returns all that it printed.

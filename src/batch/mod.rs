@@ -26,6 +26,7 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, anyhow, bail};
+use clap::Parser;
 use sharpen::error::display_name;
 use sharpen::io::temporary;
 
@@ -71,8 +72,10 @@ pub fn sharpen_folder(arguments: &Arguments) -> Result<ExitCode> {
 /// Makes the output folder and keeps other runs out of it as long as what comes back lives.
 fn open_output(arguments: &Arguments) -> Result<Option<File>> {
     let output = &arguments.output;
-    if arguments.classes.is_some() {
-        cli::wrong_usage("--classes names one file, and the input is a folder");
+    for (file, flag) in [(&arguments.classes, "--classes"), (&arguments.sharp_edges, "--sharp-edges")] {
+        if file.is_some() {
+            cli::wrong_usage(format!("{flag} names one file, and the input is a folder"));
+        }
     }
     fs::create_dir_all(output).with_context(|| format!("{}: cannot make a folder", display_name(output)))?;
     if fs::canonicalize(output)? == fs::canonicalize(&arguments.input)? {
@@ -121,8 +124,7 @@ impl<'a> Run<'a> {
         let progress = Progress::new(arguments, plan);
         let print = progress.printer();
         panic::set_hook(Box::new(move |panic| print(&format!("sharpen: {panic}"))));
-        let jobs = arguments.folder.jobs.map_or_else(|| threads(arguments), usize::from);
-        Self { arguments, jobs, books: Mutex::new(Books { journal, progress, error: None }) }
+        Self { arguments, jobs: jobs(arguments), books: Mutex::new(Books { journal, progress, error: None }) }
     }
 
     fn books(&self) -> MutexGuard<'_, Books> {
@@ -152,7 +154,7 @@ impl<'a> Run<'a> {
         let budget = Budget::new(self.jobs, bytes);
         rayon::in_place_scope(|scope| {
             for task in tasks {
-                let share = budget.take(memory_for(task.size));
+                let share = budget.take(memory_for(task.size, self.arguments.bend));
                 if self.books().error.is_some() {
                     break;
                 }
@@ -190,7 +192,7 @@ impl<'a> Run<'a> {
 
     /// The line of the report about a file, made by another process; or what happened to that.
     fn line_from_child(&self, task: &Task, timeout: Duration) -> Result<String> {
-        let command = child::command(task)?;
+        let command = child::call(task)?;
         match child::run(command, timeout).context("cannot start a process")? {
             End::Itself(status, text) => {
                 let (said, last) = text.trim_end().rsplit_once('\n').unwrap_or(("", text.trim_end()));
@@ -224,17 +226,21 @@ impl Books {
     }
 }
 
-/// What a process does that a folder run has started for one file: it prints the line of the report.
+/// Answers a call for one file of a folder, if this process was called so: it prints the line of the report.
 ///
 /// # Errors
 /// When it cannot.
-pub fn answer_for(arguments: &Arguments, input: &Path, output: &Path) -> Result<ExitCode> {
-    child::end_with_parent()?;
-    let jobs = arguments.folder.jobs.map_or_else(|| threads(arguments), usize::from);
-    let threads = (threads(arguments) / jobs).max(1);
-    rayon::ThreadPoolBuilder::new().num_threads(threads).build_global()?;
-    child::answer(&line_for(arguments, input, output)?)?;
-    Ok(ExitCode::SUCCESS)
+pub fn call_for_one_file() -> Option<Result<ExitCode>> {
+    let (input, output, words) = child::called()?;
+    let answer = || -> Result<ExitCode> {
+        child::end_with_parent()?;
+        let arguments = Arguments::parse_from(words);
+        let threads = (threads(&arguments) / jobs(&arguments)).max(1);
+        rayon::ThreadPoolBuilder::new().num_threads(threads).build_global()?;
+        child::answer(&line_for(&arguments, &input, &output)?)?;
+        Ok(ExitCode::SUCCESS)
+    };
+    Some(answer())
 }
 
 /// Sharpens a file; the line of the report comes back, also when it failed.
@@ -290,9 +296,18 @@ fn threads(arguments: &Arguments) -> usize {
     arguments.threads.map_or_else(all, usize::from)
 }
 
-/// How much memory a file of `size` bytes may need.
-fn memory_for(size: u64) -> u64 {
-    1_000_000 + 20 * size
+/// The number of files at the same time.
+fn jobs(arguments: &Arguments) -> usize {
+    arguments.folder.jobs.map_or_else(|| threads(arguments), usize::from)
+}
+
+/// How much memory a file of `size` bytes may need. Measured on a million faces: 4 (STL) to 9 times
+/// (PLY) its size; short numbers, attributes and many chamfers make it more. Each level of bending makes
+/// four faces of one.
+fn memory_for(size: u64, levels: u32) -> u64 {
+    const PER_FILE: u64 = 1_000_000;
+    const TIMES: u64 = 20;
+    TIMES.saturating_mul(4_u64.saturating_pow(levels)).saturating_mul(size).saturating_add(PER_FILE)
 }
 
 #[cfg(test)]

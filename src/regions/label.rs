@@ -33,13 +33,19 @@ const LEFTOVER_RINGS: usize = 3;
 const LEFTOVER_MEMBERS: usize = 4;
 /// ... and has to be this good: residual and displacement in h. At a residual of 0.03 coarse meshes lose
 /// a tenth of their gain, at 0.1 finely sampled ones a quarter.
-const LEFTOVER_RMS: f64 = 0.05;
+pub(super) const LEFTOVER_RMS: f64 = 0.05;
+/// Where samples are off the surface, all residuals beside a crease are larger: a coarse marching-cubes mesh
+/// gains a twentieth, and none loses.
+pub(super) const LEFTOVER_RMS_OFF_SURFACE: f64 = 0.1;
 const LEFTOVER_DISPLACEMENT: f64 = 0.1;
 
 /// A vertex adopts the fit of a neighbour if it lies within this distance of it, in h ...
 const ADOPTED_DISPLACEMENT: f64 = 0.1;
 /// ... and one of its faces within this angle (cosine; 40 degrees) of the fit's normal.
 const ADOPTED_COSINE: f64 = 0.77;
+
+/// Vertices per unit of parallel work, at least: each unit makes its own scratch memory.
+const MIN_TASK: usize = 256;
 
 /// Steps 3 to 5: gives each doubtful vertex the fit of the smooth region that explains it best.
 pub(super) fn explain_by_regions(surface: &Surface) -> VertexFits {
@@ -84,7 +90,9 @@ pub(super) fn explain_by_regions(surface: &Surface) -> VertexFits {
         }
         best.map(|(_, fit)| fit).filter(|fit| fit.displacement.abs() < EXPLAINED)
     };
-    fits.fits = fits.verts.par_iter().map_init(Default::default, explain).collect();
+    let scratch = || (Patch::default(), Vec::new(), Fitter::default());
+    let found = fits.verts.par_iter().with_min_len(MIN_TASK).map_init(scratch, explain).collect();
+    fits.fits = found;
     fits
 }
 
@@ -97,7 +105,7 @@ pub(super) fn explain_by_red_faces(surface: &Surface, fits: &mut VertexFits) {
 }
 
 /// Step 6b: fits among the vertices that are still without one.
-pub(super) fn explain_by_leftovers(surface: &Surface, fits: &mut VertexFits) {
+pub(super) fn explain_by_leftovers(surface: &Surface, fits: &mut VertexFits, max_rms: f64) {
     type Scratch = (Vec<Vert>, Vec<Sample>, Fitter);
     explain_the_rest(surface, fits, |(members, samples, fitter): &mut Scratch, fits, centre| {
         let is_left = |v: Vert| !surface.interior[v] && fits.get(v).is_none();
@@ -127,7 +135,7 @@ pub(super) fn explain_by_leftovers(surface: &Surface, fits: &mut VertexFits) {
             return None;
         }
         let fit = fitter.fit(surface.mesh.point(centre), samples, FitSource::Leftover)?;
-        let is_good = fit.rms <= LEFTOVER_RMS && fit.displacement.abs() <= LEFTOVER_DISPLACEMENT;
+        let is_good = fit.rms <= max_rms && fit.displacement.abs() <= LEFTOVER_DISPLACEMENT;
         is_good.then_some(fit)
     });
 }
@@ -243,7 +251,7 @@ pub(super) mod tests {
         let m = strip();
         let normals = m.face_normals();
         let mut fits = VertexFits::none(8, m.verts().collect());
-        explain_by_leftovers(&surface(&m, &normals), &mut fits);
+        explain_by_leftovers(&surface(&m, &normals), &mut fits, LEFTOVER_RMS);
         assert!(fits.iter().count() == 8 && fits.iter().all(|(_, fit)| fit.source == Leftover));
         assert!(fits.iter().all(|(_, fit)| fit.normal.distance(DVec3::Z) < 1e-9 && fit.rms < 1e-7));
         // Three of them are not enough, also where others with a region's fit are next to them.
@@ -251,7 +259,7 @@ pub(super) mod tests {
         for v in 3..8 {
             fits.set(Vert::new(v), Fit::plane(DVec3::ZERO, DVec3::Z, Region));
         }
-        explain_by_leftovers(&surface(&m, &normals), &mut fits);
+        explain_by_leftovers(&surface(&m, &normals), &mut fits, LEFTOVER_RMS);
         assert_eq!(fits.iter().filter(|(_, fit)| fit.source == Leftover).count(), 0);
         // A strip folded by 90 degrees is not smooth.
         let (mut points, faces) = strip().into_parts();
@@ -259,7 +267,7 @@ pub(super) mod tests {
         let folded = Mesh::new(points, faces).unwrap();
         let normals = folded.face_normals();
         let mut fits = VertexFits::none(8, folded.verts().collect());
-        explain_by_leftovers(&surface(&folded, &normals), &mut fits);
+        explain_by_leftovers(&surface(&folded, &normals), &mut fits, LEFTOVER_RMS);
         assert_eq!(fits.iter().count(), 0);
     }
 
