@@ -60,6 +60,14 @@ pub enum Rule {
     Midpoint,
 }
 
+impl Rule {
+    /// Whether the edge is sharp or a border.
+    #[must_use]
+    pub fn is_on_curve(self) -> bool {
+        matches!(self, Self::R2 | Self::R6 | Self::Midpoint)
+    }
+}
+
 /// What the stencils say about the new vertex of an edge.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Proposal {
