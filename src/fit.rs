@@ -63,6 +63,8 @@ pub struct Fit {
     pub displacement: f64,
     /// Unit normal of the fit at the vertex.
     pub normal: DVec3,
+    /// From the vertex to the nearest sample of the region, in mean edge lengths; 0 for the vertex's own.
+    pub distance: f64,
     /// How the vertex came by it.
     pub source: FitSource,
 }
@@ -71,8 +73,10 @@ impl Fit {
     /// A plane through `origin` with unit `normal`.
     #[must_use]
     pub fn plane(origin: DVec3, normal: DVec3, source: FitSource) -> Self {
-        let (coefficients, rms, displacement) = ([0.0; 6], 0.0, 0.0);
-        Self { origin, frame: frame(normal), coefficients, rms, n_members: 0, displacement, normal, source }
+        let frame = frame(normal);
+        let (coefficients, n_members) = ([0.0; 6], 0);
+        let (rms, displacement, distance) = (0.0, 0.0, 0.0);
+        Self { origin, frame, coefficients, rms, n_members, displacement, normal, distance, source }
     }
 
     /// The signed distance of `p` from the fit in units of `h`, the mean edge length that the fit was
@@ -142,7 +146,8 @@ impl Fitter {
         let displacement = c0 / steepness;
         let normal = (frame[2] - c1 * frame[0] - c2 * frame[1]) / steepness;
         let is_sound = rms.is_finite() && displacement.is_finite() && normal.is_finite();
-        is_sound.then_some(Fit { origin, frame, coefficients, rms, n_members, displacement, normal, source })
+        let plane = Fit::plane(origin, normal, source);
+        is_sound.then_some(Fit { frame, coefficients, rms, n_members, displacement, ..plane })
     }
 
     fn solve(&self) -> Option<Solution> {

@@ -162,16 +162,14 @@ fn label_vertices(surface: &Surface) -> (VertexFits, f64) {
     let chamfers = chamfer_edges(surface, &fits);
     let is_off = gates::off_surface(surface, &fits, &chamfers).is_likely();
 
-    // On the surface a label far from its vertex is a wrong label.
-    let limit = |least: f64| {
-        let limit = least.max(FAR_IN_NOISE * noise);
-        if is_off { label::EXPLAINED } else { limit.min(label::EXPLAINED) }
-    };
+    // On the surface a label far from its vertex is a wrong label; off it, one to be looked at again.
+    let limit = |least: f64| least.max(FAR_IN_NOISE * noise).min(label::EXPLAINED);
+    let unless_off = |on_surface: f64| if is_off { label::EXPLAINED } else { on_surface };
     let leftover_rms = if is_off { label::LEFTOVER_RMS_OFF_SURFACE } else { label::LEFTOVER_RMS };
-    label::take_back_far_labels(surface, &mut fits, limit(FAR));
+    label::take_back_far_labels(surface, &mut fits, unless_off(limit(FAR)));
     // Leftovers first, which then grow as well: the other way round remesh_5k has L2 .069 instead of .050.
     label::explain_by_leftovers(surface, &mut fits, leftover_rms);
-    grow::grow(surface, &mut fits, limit(FAR_TO_GROW));
+    grow::grow(surface, &mut fits, limit(FAR), unless_off(limit(FAR_TO_GROW)));
     label::explain_by_red_faces(surface, &mut fits);
     label::explain_by_leftovers(surface, &mut fits, leftover_rms);
     label::adopt_from_neighbours(surface, &mut fits);

@@ -16,11 +16,11 @@
 use glam::DVec3;
 
 use super::VertexFits;
-use super::label::{DISTANCE_PENALTY, SHALLOW_TRUST, explain_the_rest};
-use super::patch::{Cluster, Member, Patch, Regions};
+use super::label::{SHALLOW_TRUST, best, explain_those, score};
+use super::patch::{Member, Patch, Regions};
 use super::surface::Surface;
 use crate::fit::{Fit, FitSource, Fitter, Sample};
-use crate::mesh::{Half, PerVert, Vert};
+use crate::mesh::{Half, Vert};
 
 /// Labels are carried this many times, 3 h each: what is farther from a region is better left alone.
 const ROUNDS: usize = 3;
@@ -37,20 +37,29 @@ const MAX_RMS: f64 = 0.1;
 /// One face of a vertex has to be within this angle of the fit's normal, in radians.
 const FOLLOWING_ANGLE: f64 = 45.0 * std::f64::consts::PI / 180.0;
 
-/// Gives the vertices without a fit one of the labelled vertices round them, round by round. None is farther
-/// than `limit` (in h) from its vertex.
-pub(super) fn grow(surface: &Surface, fits: &mut VertexFits, limit: f64) {
+/// A label that is far from its vertex may be that of the next region: one that is carried along replaces it
+/// if it explains the vertex better by this, in h.
+const CLEARLY_BETTER: f64 = 0.05;
+
+/// Gives the vertices without a fit, or with one farther than `far`, one of the labelled vertices round them,
+/// round by round. None is farther than `limit` from its vertex; both in h.
+pub(super) fn grow(surface: &Surface, fits: &mut VertexFits, far: f64, limit: f64) {
     let carried = |v: Vert, fit: &Fit| {
         let place = fit.origin + surface.h * fit.displacement * fit.normal;
         (!surface.interior[v]).then_some(Carried { place, normal: fit.normal })
     };
     let mut labels: Vec<Option<Carried>> =
         fits.verts.iter().zip(&fits.fits).map(|(&v, fit)| carried(v, fit.as_ref()?)).collect();
+    let is_open = |v: Vert, fit: Option<&Fit>| {
+        !surface.interior[v] && fit.is_none_or(|fit| fit.displacement.abs() > far)
+    };
     for _ in 0..ROUNDS {
         let explain = |scratch: &mut Scratch, fits: &VertexFits, v| {
-            Grown { surface, slot: &fits.slot, labels: &labels }.explain(scratch, v, limit)
+            let found = Grown { surface, fits, labels: &labels, centre: v }.explain(scratch, limit)?;
+            let is_better = |old: &Fit| score(&found) < score(old) - CLEARLY_BETTER;
+            fits.get(v).is_none_or(is_better).then_some(found)
         };
-        let found = explain_the_rest(surface, fits, explain);
+        let found = explain_those(fits, is_open, explain);
         if found.is_empty() {
             break;
         }
@@ -76,18 +85,19 @@ struct Carried {
     normal: DVec3,
 }
 
-/// The smooth regions, grown by the vertices that they explain.
+/// The smooth regions, grown by the vertices that they explain, as `centre` sees them: without itself.
 struct Grown<'a> {
     surface: &'a Surface<'a>,
-    /// For each vertex its place in `labels`, if it has one. `[V]`
-    slot: &'a PerVert<u32>,
+    fits: &'a VertexFits,
+    /// In the order of `fits`.
     labels: &'a [Option<Carried>],
+    centre: Vert,
 }
 
 impl Regions for Grown<'_> {
     #[inline]
     fn is_member(&self, v: Vert) -> bool {
-        self.surface.interior[v] || self.label(v).is_some()
+        self.surface.interior[v] || (v != self.centre && self.label(v).is_some())
     }
 
     /// Whether the two tangent planes agree.
@@ -107,7 +117,7 @@ impl Regions for Grown<'_> {
 impl Grown<'_> {
     #[inline]
     fn label(&self, v: Vert) -> Option<Carried> {
-        *self.labels.get(self.slot[v] as usize)?
+        *self.labels.get(self.fits.slot[v] as usize)?
     }
 
     fn member(&self, v: Vert) -> Carried {
@@ -115,54 +125,33 @@ impl Grown<'_> {
         self.label(v).unwrap_or(Carried { place, normal })
     }
 
-    /// The fit of the region that explains `v` best.
-    fn explain(&self, scratch: &mut Scratch, v: Vert, limit: f64) -> Option<Fit> {
-        let patch = &mut scratch.patch;
-        patch.search(self.surface, self, v);
-        let mut best: Option<(f64, Fit)> = None;
-        for cluster in scratch.patch.clusters() {
-            let penalty = DISTANCE_PENALTY * (cluster.distance() / self.surface.h - 1.0);
-            if best.as_ref().is_some_and(|&(score, _)| score <= penalty) {
-                break; // No region from here on can be better.
+    /// The fit of the region that explains the centre best.
+    fn explain(&self, Scratch { patch, samples, fitter }: &mut Scratch, limit: f64) -> Option<Fit> {
+        patch.search(self.surface, self, self.centre);
+        let origin = self.surface.mesh.point(self.centre);
+        best(patch.clusters(), self.surface.h.recip(), |cluster| {
+            let members = patch.members(cluster);
+            let is_new = |member: &Member| !self.surface.interior[member.vertex];
+            if members.len() < MIN_MEMBERS || !members.iter().any(is_new) {
+                return None; // The interior vertices by themselves did not explain it.
             }
-            let fit = self.fit(&scratch.patch, cluster, &mut scratch.samples, &mut scratch.fitter, v);
-            let Some(fit) = fit.filter(|fit| self.is_good(v, fit, limit)) else { continue };
-            let score = fit.displacement.abs() + penalty;
-            if best.as_ref().is_none_or(|&(least, _)| score < least) {
-                best = Some((score, fit));
-            }
-        }
-        best.map(|(_, fit)| fit)
+            let sample = |member: &Member| {
+                let Carried { place, normal } = self.member(member.vertex);
+                let trust = if self.surface.deep[member.vertex] { 1.0 } else { SHALLOW_TRUST };
+                Sample { offset: (place - origin) / self.surface.h, normal, trust }
+            };
+            samples.clear();
+            samples.extend(members.iter().map(sample));
+            fitter.fit(origin, samples, FitSource::Region).filter(|fit| self.is_good(fit, limit))
+        })
     }
 
-    fn fit(
-        &self,
-        patch: &Patch,
-        cluster: &Cluster,
-        samples: &mut Vec<Sample>,
-        fitter: &mut Fitter,
-        v: Vert,
-    ) -> Option<Fit> {
-        let origin = self.surface.mesh.point(v);
-        let members = patch.members(cluster);
-        let is_new = |member: &Member| !self.surface.interior[member.vertex];
-        if members.len() < MIN_MEMBERS || !members.iter().any(is_new) {
-            return None; // The interior vertices by themselves did not explain it.
-        }
-        let sample = |member: &Member| {
-            let Carried { place, normal } = self.member(member.vertex);
-            let trust = if self.surface.deep[member.vertex] { 1.0 } else { SHALLOW_TRUST };
-            Sample { offset: (place - origin) / self.surface.h, normal, trust }
-        };
-        samples.clear();
-        samples.extend(members.iter().map(sample));
-        fitter.fit(origin, samples, FitSource::Region)
-    }
-
-    fn is_good(&self, v: Vert, fit: &Fit, limit: f64) -> bool {
+    fn is_good(&self, fit: &Fit, limit: f64) -> bool {
         let cosine = |h: &Half| self.surface.face_normals[h.face()].dot(fit.normal);
-        let is_followed = || self.surface.mesh.leaving(v).iter().any(|h| cosine(h) >= FOLLOWING_ANGLE.cos());
-        fit.rms <= MAX_RMS && fit.displacement.abs() < limit && is_followed()
+        let mut faces = self.surface.mesh.leaving(self.centre).iter();
+        fit.rms <= MAX_RMS
+            && fit.displacement.abs() < limit
+            && faces.any(|h| cosine(h) >= FOLLOWING_ANGLE.cos())
     }
 }
 
@@ -196,7 +185,7 @@ mod tests {
         let mut surface = surface(&m, &normals);
         let grown = |surface: &Surface, limit| {
             let mut fits = columns(&m, |column| (column < 5).then_some(DVec3::Z), 0.1);
-            grow(surface, &mut fits, limit);
+            grow(surface, &mut fits, 0.15, limit);
             fits
         };
         let fits = grown(&surface, 0.2);
@@ -210,7 +199,7 @@ mod tests {
         // Interior vertices alone are no news.
         surface.interior = m.verts().map(|v| v.index() < 10).collect::<Vec<_>>().into();
         let mut none = columns(&m, |_| None, 0.0);
-        grow(&surface, &mut none, 0.2);
+        grow(&surface, &mut none, 0.15, 0.2);
         assert_eq!(none.iter().count(), 0);
     }
 
@@ -230,7 +219,7 @@ mod tests {
             _ => Some(DVec3::X),
         };
         let mut fits = columns(&m, side, 0.0);
-        grow(&surface(&m, &normals), &mut fits, 0.2);
+        grow(&surface(&m, &normals), &mut fits, 0.15, 0.2);
         for v in [6, 7].map(Vert::new) {
             let fit = fits.get(v).unwrap();
             assert_eq!((fit.normal, fit.n_members), (DVec3::Z, 6), "nothing of the other side");
@@ -238,8 +227,27 @@ mod tests {
         }
         // Two members on each side are too few, four together would do.
         let mut fits = columns(&m, |column| side(column).filter(|_| column == 2 || column == 4), 0.0);
-        grow(&surface(&m, &normals), &mut fits, 0.2);
+        grow(&surface(&m, &normals), &mut fits, 0.15, 0.2);
         assert!(fits.get(Vert::new(6)).is_none());
+    }
+
+    #[test]
+    fn a_far_label_gives_way_to_a_clearly_better_one() {
+        // All of a strip in its plane, but for column 5, whose label is that of a plane `off` it.
+        let m = strip(10);
+        let normals = m.face_normals();
+        let surface = surface(&m, &normals);
+        let displacement = |off| {
+            let mut fits = columns(&m, |_| Some(DVec3::Z), 0.0);
+            for v in [10, 11].map(Vert::new) {
+                let far = Fit { displacement: off, distance: 1.0, ..fits.get(v).unwrap().clone() };
+                fits.set(v, far);
+            }
+            grow(&surface, &mut fits, 0.15, 0.35);
+            fits.get(Vert::new(10)).unwrap().displacement
+        };
+        assert_relative_eq!(displacement(0.3), 0.0, epsilon = 1e-3);
+        assert_eq!(displacement(0.14), 0.14, "not far");
     }
 
     #[test]
@@ -248,7 +256,7 @@ mod tests {
         let m = strip(10);
         let normals = m.face_normals();
         let mut fits = columns(&m, |column| (column < 5).then_some(DVec3::Y), 0.0);
-        grow(&surface(&m, &normals), &mut fits, 0.35);
+        grow(&surface(&m, &normals), &mut fits, 0.15, 0.35);
         assert_eq!(fits.iter().count(), 10);
     }
 
@@ -265,7 +273,7 @@ mod tests {
         let mut fits = super::super::label::explain_by_regions(&surface);
         let before = format!("{fits:?}");
         assert!(fits.iter().count() > 0);
-        grow(&surface, &mut fits, 0.35);
+        grow(&surface, &mut fits, 0.15, 0.35);
         assert_eq!(format!("{fits:?}"), before);
     }
 }

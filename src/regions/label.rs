@@ -22,7 +22,7 @@ const ERODED_GAIN: f64 = 0.3;
 const MAX_RMS: f64 = 0.25;
 /// What a region loses for each h that it is farther away, in h of displacement: of two regions that
 /// explain a vertex nearly as well the nearer one is meant.
-pub(super) const DISTANCE_PENALTY: f64 = 0.08;
+const DISTANCE_PENALTY: f64 = 0.08;
 /// A vertex farther from every fit (in h) is not explained. Marching cubes puts samples up to 0.33 h off;
 /// forcing a label on every vertex makes errors above the input's.
 pub(super) const EXPLAINED: f64 = 0.35;
@@ -53,7 +53,7 @@ pub(super) fn explain_by_regions(surface: &Surface) -> VertexFits {
     let per_h = surface.h.recip();
     let explain = |(patch, samples, fitter): &mut (Patch, Vec<Sample>, Fitter), &v: &Vert| {
         patch.search(surface, surface, v);
-        let mut fit = |cluster: &Cluster| {
+        let fit = |cluster: &Cluster| {
             let sample = |member: &Member| Sample {
                 offset: member.offset * per_h,
                 normal: surface.normals[member.vertex],
@@ -76,24 +76,37 @@ pub(super) fn explain_by_regions(surface: &Surface) -> VertexFits {
         if surface.interior[v] {
             return patch.clusters().first().and_then(fit);
         }
-        let mut best: Option<(f64, Fit)> = None;
-        for cluster in patch.clusters() {
-            let penalty = DISTANCE_PENALTY * (cluster.distance() * per_h - 1.0);
-            if best.as_ref().is_some_and(|&(score, _)| score <= penalty) {
-                break; // No region from here on can be better.
-            }
-            let Some(fit) = fit(cluster) else { continue };
-            let score = fit.displacement.abs() + penalty;
-            if best.as_ref().is_none_or(|&(least, _)| score < least) {
-                best = Some((score, fit));
-            }
-        }
-        best.map(|(_, fit)| fit).filter(|fit| fit.displacement.abs() < EXPLAINED)
+        best(patch.clusters(), per_h, fit).filter(|fit| fit.displacement.abs() < EXPLAINED)
     };
     let scratch = || (Patch::default(), Vec::new(), Fitter::default());
     let found = fits.verts.par_iter().with_min_len(MIN_TASK).map_init(scratch, explain).collect();
     fits.fits = found;
     fits
+}
+
+/// The fit of the cluster that explains a vertex best. `clusters` are in the order of their distance.
+pub(super) fn best(
+    clusters: &[Cluster],
+    per_h: f64,
+    mut fit: impl FnMut(&Cluster) -> Option<Fit>,
+) -> Option<Fit> {
+    let mut best: Option<Fit> = None;
+    for cluster in clusters {
+        let distance = cluster.distance() * per_h;
+        if best.as_ref().is_some_and(|best| score(best) <= DISTANCE_PENALTY * (distance - 1.0)) {
+            break; // No region from here on can be better.
+        }
+        let Some(fit) = fit(cluster).map(|fit| Fit { distance, ..fit }) else { continue };
+        if best.as_ref().is_none_or(|best| score(&fit) < score(best)) {
+            best = Some(fit);
+        }
+    }
+    best
+}
+
+/// How badly `fit` explains its vertex.
+pub(super) fn score(fit: &Fit) -> f64 {
+    fit.displacement.abs() + DISTANCE_PENALTY * (fit.distance - 1.0)
 }
 
 /// Step 6a: a vertex that no region explains, but that has red faces, keeps the papers' plane.
@@ -173,19 +186,29 @@ pub(super) fn adopt_from_neighbours(surface: &Surface, fits: &mut VertexFits) {
     });
 }
 
-/// Gives a fit to each vertex without one, all from the same state. Returns the vertices that got one.
-pub(super) fn explain_the_rest<Scratch: Default>(
+/// Gives a fit to each vertex without one, all from the same state.
+fn explain_the_rest<Scratch: Default>(
     surface: &Surface,
     fits: &mut VertexFits,
     explain: impl Fn(&mut Scratch, &VertexFits, Vert) -> Option<Fit> + Sync,
+) {
+    explain_those(fits, |v, fit| !surface.interior[v] && fit.is_none(), explain);
+}
+
+/// Gives a fit to each vertex of which `is_open` holds, all from the same state; one that has a fit keeps it
+/// unless there is a new one. Returns the vertices that got one.
+pub(super) fn explain_those<Scratch: Default>(
+    fits: &mut VertexFits,
+    is_open: impl Fn(Vert, Option<&Fit>) -> bool,
+    explain: impl Fn(&mut Scratch, &VertexFits, Vert) -> Option<Fit> + Sync,
 ) -> Vec<Vert> {
-    let is_left = |v: &&Vert| !surface.interior[**v] && fits.get(**v).is_none();
-    let mut left: Vec<Vert> = fits.verts.iter().filter(is_left).copied().collect();
+    let is_open = |&(&v, fit): &(&Vert, &Option<Fit>)| is_open(v, fit.as_ref());
+    let mut open: Vec<Vert> = fits.verts.iter().zip(&fits.fits).filter(is_open).map(|(&v, _)| v).collect();
     let explain = |scratch: &mut Scratch, &v: &Vert| explain(scratch, fits, v);
-    let found: Vec<_> = left.par_iter().map_init(Scratch::default, explain).collect();
+    let found: Vec<_> = open.par_iter().with_min_len(MIN_TASK).map_init(Scratch::default, explain).collect();
     let mut found = found.into_iter();
-    left.retain(|&v| found.next().flatten().map(|fit| fits.set(v, fit)).is_some());
-    left
+    open.retain(|&v| found.next().flatten().map(|fit| fits.set(v, fit)).is_some());
+    open
 }
 
 #[cfg(test)]
