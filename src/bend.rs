@@ -197,9 +197,14 @@ fn vouched_shift(mesh: &Mesh, h: Half, proposal: &Proposal) -> Shift {
     if !proposal.rule.is_on_curve() {
         let bolder = if a.length_squared() < b.length_squared() { b } else { a };
         let up = bolder.normalize_or_zero();
-        let (a, b) = (BOLDNESS * a.dot(up), BOLDNESS * b.dot(up));
+        let (a, b, rounding) = (BOLDNESS * a.dot(up), BOLDNESS * b.dot(up), ROUNDING * length);
+        let (lowest, highest) = (a.min(b).min(0.0) - rounding, a.max(b).max(0.0) + rounding);
         let height = wanted.dot(up);
-        wanted += (height.min(a.max(b).max(0.0)).max(a.min(b).min(0.0)) - height) * up;
+        if height < lowest || height > highest {
+            // All of the way is scaled: taking only the height off would lift vertices off a plane whose
+            // slivers have normals a little out of true.
+            wanted *= height.min(highest).max(lowest) / height;
+        }
     }
 
     let rounding = (ROUNDING * length).powi(2);
