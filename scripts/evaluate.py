@@ -27,6 +27,7 @@ import numpy as np
 
 import make_inputs
 import measure
+from shapes import SHAPES
 
 ROOT = Path(__file__).resolve().parent.parent
 # What --make samples: all shapes, by the methods of the README's table.
@@ -267,7 +268,7 @@ def make_data(data):
     """Write the project's own inputs, unless they are there."""
     shapes = [
         shape
-        for shape in make_inputs.SHAPES
+        for shape in SHAPES
         for method in MADE_METHODS
         for faces in MADE_FACES
         if not (data / "inputs" / f"{shape}__{method}_{make_inputs.tag(faces)}.obj").exists()

@@ -64,6 +64,10 @@ pub struct Labels {
     pub chamfer_edge: PerHalf<bool>,
     /// Green: corner triangles, ascending.
     pub corner_faces: Vec<Face>,
+    /// Edges that look like chamfers and were left alone, ascending: by region fits only.
+    pub abstained: Vec<Half>,
+    /// Edges that nothing can be said of, ascending: by region fits only.
+    pub beyond_reach: Vec<Half>,
 }
 
 /// Colours `mesh`, whose face normals (unit, zero where there is none) are `normals` `[F]`.

@@ -86,7 +86,8 @@ pub struct Arguments {
     pub format: Option<String>,
 
     /// Also write the input mesh painted as in the papers' figures: red smooth regions, green corner
-    /// triangles, blue chamfer edges, brown smooth edges.
+    /// triangles, blue chamfer edges, brown smooth edges; orange is what looks like a chamfer and was left
+    /// alone, violet what nothing can be said of.
     #[arg(long, value_name = "FILE.ply")]
     pub classes: Option<PathBuf>,
 
@@ -213,6 +214,7 @@ impl Arguments {
             bend: self.bend,
             max_faces: self.max_faces,
             keep_labels: self.classes.is_some(),
+            keep_verdict: self.report.is_some() || self.verbose,
             ..defaults
         }
     }

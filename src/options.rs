@@ -46,6 +46,8 @@ pub struct Options {
     pub max_faces: usize,
     /// Whether the colours of the mesh come back in [`Sharpened::labels`](crate::Sharpened::labels).
     pub keep_labels: bool,
+    /// Whether the report says how well each recovered crease and corner is supported.
+    pub keep_verdict: bool,
 }
 
 impl Default for Options {
@@ -61,6 +63,7 @@ impl Default for Options {
             bend: 0,
             max_faces: DEFAULT_MAX_FACES,
             keep_labels: false,
+            keep_verdict: false,
         }
     }
 }

@@ -19,6 +19,10 @@ const BLUE: Rgb = [36, 72, 224];
 const BROWN: Rgb = [150, 98, 52];
 /// Border of a smooth region.
 const DARK_RED: Rgb = [168, 20, 20];
+/// An edge that looks like a chamfer and was left alone.
+const ORANGE: Rgb = [240, 150, 20];
+/// An edge that nothing can be said of.
+const VIOLET: Rgb = [150, 60, 190];
 /// Whatever has no colour.
 const GRAY: Rgb = [190, 190, 190];
 
@@ -56,6 +60,10 @@ pub fn paint(mesh: &Mesh, labels: &Labels) -> Vec<u8> {
 fn edge_colour(labels: &Labels, h: Half) -> Rgb {
     if labels.chamfer_edge[h] {
         BLUE
+    } else if labels.abstained.binary_search(&h).is_ok() {
+        ORANGE
+    } else if labels.beyond_reach.binary_search(&h).is_ok() {
+        VIOLET
     } else if labels.smooth_edge[h] {
         BROWN
     } else if labels.red_edge[h] {
@@ -68,7 +76,8 @@ fn edge_colour(labels: &Labels, h: Half) -> Rgb {
 fn header(n_verts: usize, n_faces: usize, n_edges: usize) -> String {
     format!(
         "ply\nformat binary_little_endian 1.0\n\
-         comment sharpen: red smooth regions, green corner triangles; blue chamfer edges, brown smooth edges\n\
+         comment sharpen: red smooth regions, green corner triangles; blue chamfer edges, \
+         orange edges left alone, violet edges beyond reach, brown smooth edges\n\
          element vertex {n_verts}\nproperty double x\nproperty double y\nproperty double z\n\
          element face {n_faces}\nproperty list uchar uint vertex_indices\n{RGB}\
          element edge {n_edges}\nproperty uint vertex1\nproperty uint vertex2\n{RGB}\
@@ -98,6 +107,8 @@ mod tests {
             chamfer_edge: only(&[2, 3]),
             smooth_edge: only(&[0]),
             red_edge: only(&[0, 1]),
+            abstained: vec![Half::new(4)],
+            beyond_reach: vec![Half::new(5)],
             ..Labels::default()
         };
         let bytes = paint(&m, &labels);
@@ -109,7 +120,7 @@ mod tests {
         assert_eq!(faces[29..32], GREEN);
         let edges: Vec<&[u8]> = faces[32..].chunks(11).collect();
         let colours: Vec<&[u8]> = edges.iter().map(|edge| &edge[8..]).collect();
-        assert_eq!(colours, [&BROWN, &DARK_RED, &BLUE, &GRAY, &GRAY]);
+        assert_eq!(colours, [&BROWN, &DARK_RED, &BLUE, &ORANGE, &VIOLET]);
         assert_eq!(edges[2][..8], [2, 0, 0, 0, 0, 0, 0, 0]);
     }
 }

@@ -10,7 +10,7 @@ use crate::mesh::{Face, Half, Mesh, MeshError, PerHalf, PerVert, Vert};
 use crate::options::{Method, Options};
 use crate::place::{Outcome, Placement, place};
 use crate::refine::{Inserts, Lineage, Refined, refine};
-use crate::regions::{RegionLabels, label_by_fits, place_by_fits};
+use crate::regions::{RegionLabels, label_by_fits, place_by_fits, verdict};
 use crate::report::{Found, Report, Seconds};
 use crate::tags::{Tags, tags_by_dihedral};
 use crate::untangle::{Context, untangle};
@@ -32,6 +32,11 @@ pub(crate) fn sharpen(
     report.moved_vertices = inserts.moved.len();
     for &outcome in &chamfers.placement.outcomes {
         *report.inserted.entry(outcome).or_default() += 1;
+    }
+
+    if let Some(regions) = &chamfers.regions {
+        let verdict = || verdict(mesh, regions, &chamfers.placement);
+        report.verdict = options.keep_verdict.then(|| seconds.time("verdict", verdict));
     }
 
     let refined = seconds.time("refine", || refine(mesh, inserts))?;
@@ -114,6 +119,10 @@ fn find(mesh: &Mesh, options: &Options, seconds: &mut Seconds) -> Chamfers {
     let placement = seconds.time("place", || place_by_fits(mesh, &regions, options.max_shift()));
     labels.chamfer_edge.clone_from(&regions.chamfer_edge);
     labels.corner_faces.clone_from(&regions.corner_faces);
+    if options.keep_labels {
+        labels.abstained = regions.abstained();
+        labels.beyond_reach = regions.beyond_reach(mesh);
+    }
     Chamfers { labels, regions: Some(regions), placement, unfit }
 }
 

@@ -37,6 +37,8 @@ pub enum Outcome {
     Parallel,
     /// The planes meet too far away.
     TooFar,
+    /// None of its own was found or sure; it took the place of the corner beside it.
+    AtCorner,
 }
 
 impl std::fmt::Display for Outcome {
@@ -47,6 +49,7 @@ impl std::fmt::Display for Outcome {
             Self::Mixed => "convex on one side and concave on the other",
             Self::Parallel => "parallel planes",
             Self::TooFar => "planes meet too far away",
+            Self::AtCorner => "put onto the corner beside it",
         })
     }
 }

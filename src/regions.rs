@@ -18,10 +18,12 @@
 //! Cost: O(V) plus some 10 microseconds per doubtful vertex, in parallel.
 
 mod gates;
+mod grow;
 mod label;
 mod patch;
 mod place;
 mod surface;
+mod verdict;
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -33,10 +35,18 @@ use crate::mesh::{Face, Half, Mesh, PerFace, PerHalf, PerVert, Vert};
 pub use gates::{Fate, OffSurface, Strip};
 pub use place::{MAX_SHIFT, place_by_fits};
 use surface::Surface;
+pub use verdict::{Support, Verdict, verdict};
 
 /// Fits whose normals differ by this angle, in radians, make a chamfer edge. At 30 degrees rounds get
 /// false edges, at 60 true ones are lost.
 const CHAMFER_ANGLE: f64 = 45.0 * std::f64::consts::PI / 180.0;
+
+/// On samples that lie on the surface, a label this far (in h) from its vertex is wrong ...
+const FAR: f64 = 0.15;
+/// ... or this far, where the label is carried along: it is made to measure ...
+const FAR_TO_GROW: f64 = 0.1;
+/// ... or this many times the noise, if that is more.
+const FAR_IN_NOISE: f64 = 5.0;
 
 /// A vertex this close to two fits lies on their crease, in mean edge lengths.
 const ON_CREASE: f64 = 0.05;
@@ -117,6 +127,29 @@ impl VertexFits {
 }
 
 impl RegionLabels {
+    /// The edges that look like chamfers and were left alone, ascending.
+    #[must_use]
+    pub fn abstained(&self) -> Vec<Half> {
+        let fate = |strip: &u32| self.strips[*strip as usize].fate;
+        let abstained =
+            self.candidates.iter().zip(&self.strip_of).filter(|(_, strip)| fate(strip) != Fate::Kept);
+        abstained.map(|(&h, _)| h).collect()
+    }
+
+    /// The edges between doubtful vertices of which one has no fit at all, ascending: no smooth face that
+    /// is three samples wide is near.
+    #[must_use]
+    pub fn beyond_reach(&self, mesh: &Mesh) -> Vec<Half> {
+        let is_doubtful = |v: &Vert| !self.interior_vertex[*v];
+        let is_beyond = |h: &Half| {
+            let ends = [mesh.from(*h), mesh.to(*h)];
+            !mesh.is_border(*h)
+                && ends.iter().all(is_doubtful)
+                && ends.iter().any(|&v| self.fits.get(v).is_none())
+        };
+        mesh.edges().filter(is_beyond).collect()
+    }
+
     /// Whether the old edge of `h` lies on a crease already: the fits of the vertices across its two
     /// faces make a chamfer angle on it, and both its ends lie on both fits.
     #[must_use]
@@ -137,26 +170,13 @@ impl RegionLabels {
 #[must_use]
 pub fn label_by_fits(mesh: &Mesh, face_normals: &PerFace<DVec3>, labels: &Labels) -> RegionLabels {
     let surface = Surface::new(mesh, face_normals, labels);
-    let mut fits = label::explain_by_regions(&surface);
-    label::explain_by_red_faces(&surface, &mut fits);
-    label::explain_by_leftovers(&surface, &mut fits);
-
-    let noise = gates::noise(&fits);
-    let first = chamfer_edges(&surface, &fits);
-    if !gates::off_surface(&surface, &fits, &first).is_likely() {
-        // The samples are on the surface: a label far from its vertex is a wrong label.
-        label::take_back_far_labels(&surface, &mut fits, noise);
-        label::explain_by_red_faces(&surface, &mut fits);
-        label::explain_by_leftovers(&surface, &mut fits);
-    }
-    label::adopt_from_neighbours(&surface, &mut fits);
-
+    let (fits, noise) = label_vertices(&surface);
     let candidates = chamfer_edges(&surface, &fits);
     let (strip_of, strips) = gates::judge_strips(&surface, &fits, &candidates, noise);
     let is_kept = |&(_, &strip): &(&Half, &u32)| strips[strip as usize].fate == Fate::Kept;
     let kept: Vec<Half> = candidates.iter().zip(&strip_of).filter(is_kept).map(|(&h, _)| h).collect();
     let off_surface = gates::off_surface(&surface, &fits, &kept);
-    let moved = if off_surface.is_certain() { place::moves(&surface, &fits, &kept) } else { Vec::new() };
+    let moved = if off_surface.is_likely() { place::moves(&surface, &fits, &kept) } else { Vec::new() };
     let chamfer_edge = edge_flags(mesh, &kept);
     let corner_faces = corner_faces(mesh, &chamfer_edge, &kept);
     let Surface { h: mean_edge, interior: interior_vertex, deep: deep_vertex, .. } = surface;
@@ -176,17 +196,38 @@ pub fn label_by_fits(mesh: &Mesh, face_normals: &PerFace<DVec3>, labels: &Labels
     }
 }
 
+/// Steps 3 to 6 in two passes: the fits of the doubtful vertices, and the noise. Only the second pass knows
+/// whether the samples are on the surface.
+fn label_vertices(surface: &Surface) -> (VertexFits, f64) {
+    let mut fits = label::explain_by_regions(surface);
+    label::explain_by_red_faces(surface, &mut fits);
+    label::explain_by_leftovers(surface, &mut fits, label::LEFTOVER_RMS);
+    let noise = gates::noise(&fits);
+    let chamfers = chamfer_edges(surface, &fits);
+    let is_off = gates::off_surface(surface, &fits, &chamfers).is_likely();
+
+    // On the surface a label far from its vertex is a wrong label.
+    let limit = |least: f64| {
+        let limit = least.max(FAR_IN_NOISE * noise);
+        if is_off { label::EXPLAINED } else { limit.min(label::EXPLAINED) }
+    };
+    let leftover_rms = if is_off { label::LEFTOVER_RMS_OFF_SURFACE } else { label::LEFTOVER_RMS };
+    label::take_back_far_labels(surface, &mut fits, limit(FAR));
+    label::explain_by_leftovers(surface, &mut fits, leftover_rms);
+    grow::grow(surface, &mut fits, limit(FAR_TO_GROW));
+    label::explain_by_red_faces(surface, &mut fits);
+    label::explain_by_leftovers(surface, &mut fits, leftover_rms);
+    label::adopt_from_neighbours(surface, &mut fits);
+    (fits, noise)
+}
+
 /// Step 7: edges with two faces whose ends' fits, evaluated at the edge's middle, disagree. Taking both
 /// fits to the same point removes the angle that curvature explains. As lower half-edges, ascending.
 fn chamfer_edges(surface: &Surface, fits: &VertexFits) -> Vec<Half> {
     let Surface { mesh, h, interior, red_face, .. } = surface;
-    let is_chamfer = |&half: &Half| {
-        let Some(twin) = mesh.twin(half).filter(|&twin| half < twin) else { return false };
+    let is_chamfer = |&(half, twin): &(Half, Half)| {
         let (a, b) = (mesh.from(half), mesh.to(half));
         let (Some(p), Some(q)) = (fits.get(a), fits.get(b)) else { return false };
-        if interior[a] && interior[b] {
-            return false;
-        }
         let is_red = red_face[half.face()] || red_face[twin.face()];
         if is_red && (p.source == FitSource::Paper || q.source == FitSource::Paper) {
             return false; // The papers' plane comes with the papers' rule: no red edge is a chamfer.
@@ -195,8 +236,16 @@ fn chamfer_edges(surface: &Surface, fits: &VertexFits) -> Vec<Half> {
         let (n, m) = (p.evaluate(middle, *h).1, q.evaluate(middle, *h).1);
         n.dot(m) < CHAMFER_ANGLE.cos()
     };
-    let halves = (0..mesh.n_halves()).into_par_iter().map(Half::new);
-    halves.filter(is_chamfer).collect()
+    // Not both ends are interior: from the end that is not, and where neither is from the lower one.
+    let edges_from = |&v: &Vert| {
+        let is_mine = move |&half: &Half| interior[mesh.to(half)] || v < mesh.to(half);
+        let leaving = mesh.leaving(v).iter().copied().filter(is_mine);
+        leaving.filter_map(|half| Some((half, mesh.twin(half)?))).filter(is_chamfer)
+    };
+    let ends = fits.verts.par_iter().filter(|&&v| !interior[v]);
+    let mut chamfers: Vec<Half> = ends.flat_map_iter(edges_from).map(|(half, twin)| half.min(twin)).collect();
+    chamfers.par_sort_unstable();
+    chamfers
 }
 
 /// Flags both half-edges of each of `edges`. `[3F]`
@@ -339,7 +388,7 @@ mod tests {
         }
         let m = Mesh::new(points, faces).unwrap();
         let (labels, placement) = run(&m);
-        assert!(labels.off_surface.is_certain(), "{:?} {:?}", labels.off_surface, labels.strips);
+        assert!(labels.off_surface.is_likely(), "{:?} {:?}", labels.off_surface, labels.strips);
         assert_eq!(placement.inserts.moved, labels.moved);
         // Half of the samples in the outermost rows of the six sides.
         assert_eq!(labels.moved.len(), 6 * (8 * 8 - 6 * 6) / 2);

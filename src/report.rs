@@ -11,6 +11,7 @@ use crate::collapse::CollapseCounts;
 use crate::mesh::{EdgeDefects, Mesh};
 use crate::options::Method;
 use crate::place::Outcome;
+use crate::regions::Verdict;
 use crate::untangle::UntangleCounts;
 
 /// Numbers of elements of a mesh.
@@ -98,6 +99,9 @@ pub struct Report {
     /// How many inserted vertices moved onto their feature, and how many stayed in the middle for which
     /// reason.
     pub inserted: BTreeMap<Outcome, usize>,
+    /// How well the recovered creases and corners are supported, where region fits found them.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub verdict: Option<Verdict>,
     /// Old vertices that moved onto the surface that their region's fit predicts.
     pub moved_vertices: usize,
     /// What became of degenerate faces, where the papers' clean-up ran.

@@ -138,6 +138,18 @@ fn details(report: &Report) -> String {
         let left = untangled.left;
         lines.push(format!("{bad} bad faces: {collapsed} edges collapsed, {flipped} flipped; {left} left"));
     }
+    if let Some(verdict) = &report.verdict {
+        let percent = |share: f64| format!("{:.1} %", 100.0 * share);
+        let (creases, corners) = (verdict.creases.len(), verdict.corners.len());
+        let recovered = percent(verdict.recovered);
+        lines.push(format!("{creases} creases and {corners} corners: {recovered} of the chamfers"));
+        let abstained = verdict.abstained.iter();
+        lines.extend(abstained.map(|(why, share)| format!("left alone, {why}: {}", percent(*share))));
+        if verdict.impossible > 0.0 {
+            let impossible = percent(verdict.impossible);
+            lines.push(format!("beyond reach (smooth faces under three samples wide): {impossible}"));
+        }
+    }
     let defects = report.left_alone.defects;
     for (count, what) in [
         (defects.non_manifold_edges, "non-manifold edges"),

@@ -17,19 +17,22 @@
 //! fans touch in a vertex each counts for itself; edges with three or more faces form curves of their
 //! own; an interior end of two triangles wants the middle.
 //! In/out: `Mesh` + `Tags` -> `Stencils`, which gives a [`Proposal`] per edge.
-//! Cost: O(F) for all edges: ends of more than [`WIDE`] triangles are summed once, not once an edge.
+//! Cost: O(F) for all edges: ends of very many triangles are summed once, not once an edge.
+
+mod curve;
+mod sector;
+#[cfg(test)]
+mod tests;
 
 use std::f64::consts::PI;
 
-use glam::{DVec2, DVec3};
+use glam::DVec3;
 
 use crate::mesh::{Half, Mesh, PerHalf, Vert};
 use crate::refine::Knots;
 use crate::tags::Tags;
 
-/// An end with more triangles than this has its sums made beforehand, for all its edges at once. Below,
-/// walking round it for each edge is cheaper than keeping the sums; 64 bounds the walk.
-const WIDE: usize = 64;
+use sector::{End, Harmonics, Known, Sector, WIDE};
 
 /// How a new vertex was placed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Serialize)]
@@ -57,6 +60,14 @@ pub enum Rule {
     Midpoint,
 }
 
+impl Rule {
+    /// Whether the edge is sharp or a border.
+    #[must_use]
+    pub fn is_on_curve(self) -> bool {
+        matches!(self, Self::R2 | Self::R6 | Self::Midpoint)
+    }
+}
+
 /// What the stencils say about the new vertex of an edge.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Proposal {
@@ -68,56 +79,6 @@ pub struct Proposal {
     /// the normals at the two ends, along a curve from its two sides. No weights are in these: they tell
     /// whether the neighbourhood is smooth enough for the stencil to mean anything.
     pub expected: [DVec3; 2],
-}
-
-/// What one end of an edge is in its sector.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum End {
-    /// No cut edge or one: `k` triangles all round.
-    Interior { k: usize },
-    /// Between two cut edges: `k` triangles, and the edge is spoke `i` of `0..=k`, counter-clockwise.
-    Crease { k: usize, i: usize },
-}
-
-impl End {
-    fn is_regular(self) -> bool {
-        matches!(self, Self::Interior { k: 6 } | Self::Crease { k: 3, .. })
-    }
-
-    /// The angle between neighbouring spokes if the end were flat and even.
-    fn angle(self) -> f64 {
-        match self {
-            Self::Interior { k } => 2.0 * PI / k as f64,
-            Self::Crease { k, .. } => PI / k as f64,
-        }
-    }
-
-    fn extraordinary_rule(self) -> Rule {
-        match self {
-            Self::Interior { .. } => Rule::E2,
-            Self::Crease { .. } => Rule::E1,
-        }
-    }
-}
-
-/// A sector as seen from one of the half-edges in it.
-#[derive(Clone, Copy, Debug)]
-struct Sector {
-    /// The half-edge along spoke 0, leaving the vertex.
-    first: Half,
-    /// What the vertex is there.
-    end: End,
-    /// What was summed beforehand, at a wide end.
-    known: Option<Known>,
-}
-
-/// What is summed over all neighbours of an end.
-#[derive(Clone, Copy, Debug)]
-struct Known {
-    /// Where the end, if extraordinary, wants the new vertex of an edge.
-    wish: DVec3,
-    /// The unit normal of the sector; zero if it has none.
-    normal: DVec3,
 }
 
 /// The stencils of a mesh, ready to be asked edge by edge.
@@ -281,178 +242,6 @@ impl<'m> Stencils<'m> {
         }
     }
 
-    /// The unit normal of the vertex in a sector; zero if it has none.
-    ///
-    /// Based on: Max 1999, whose weights make it exact on a sphere however the faces lie. Weights by area
-    /// or angle tell slivers on a curved surface from noise less well.
-    fn normal(&self, sector: Sector) -> DVec3 {
-        if let Some(known) = sector.known {
-            return known.normal;
-        }
-        let centre = self.from(sector.first);
-        let mut sum = DVec3::ZERO;
-        for h in self.halves_of(sector) {
-            let (a, b) = (self.to(h) - centre, self.opposite(h) - centre);
-            // A face without area has no say, rather than too much.
-            let weighted = a.cross(b) / (a.length_squared() * b.length_squared());
-            sum += if weighted.is_finite() { weighted } else { DVec3::ZERO };
-        }
-        sum.normalize_or_zero()
-    }
-
-    /// The half-edges that leave the vertex in a sector, one per triangle.
-    fn halves_of(&self, Sector { first, end, .. }: Sector) -> impl Iterator<Item = Half> + '_ {
-        let (End::Interior { k } | End::Crease { k, .. }) = end;
-        std::iter::successors(Some(first), |&h| self.mesh.rotate_ccw(h)).take(k)
-    }
-
-    /// The sector of `h`, which leaves the end and is no cut. Walks over at most [`WIDE`] triangles.
-    fn sector(&self, h: Half) -> Sector {
-        match self.wide.binary_search_by_key(&h, |&(h, ..)| h) {
-            Ok(found) => {
-                let (_, end, known) = self.wide[found];
-                Sector { first: h, end, known: Some(known) }
-            }
-            Err(_) => self.walk_sector(h),
-        }
-    }
-
-    /// Walks counter-clockwise from `h` to a cut edge, or all round; then clockwise.
-    fn walk_sector(&self, h: Half) -> Sector {
-        let (mut last, mut k) = (h, 1);
-        while !self.is_cut[last.prev()] {
-            last = self.ccw(last);
-            if last == h {
-                return Sector { first: h, end: End::Interior { k }, known: None };
-            }
-            k += 1;
-        }
-        let (mut first, mut i) = (h, 0);
-        while !self.is_cut[first] {
-            first = self.cw(first);
-            i += 1;
-        }
-        k += i;
-        if self.mesh.twin(first) == Some(last.prev()) {
-            // One cut edge alone: a dead end.
-            return Sector { first: h, end: End::Interior { k }, known: None };
-        }
-        Sector { first, end: End::Crease { k, i }, known: None }
-    }
-
-    /// The sums over the neighbours in a sector that the rules for extraordinary ends are made of.
-    fn harmonics(&self, sector: Sector) -> Harmonics {
-        let step = sector.end.angle();
-        let mut sums = Harmonics::default();
-        let turn = DVec2::from_angle(step);
-        let mut angle = DVec2::X;
-        let mut last = sector.first;
-        for h in self.halves_of(sector) {
-            sums.add(angle, self.to(h));
-            angle = turn.rotate(angle);
-            last = h;
-        }
-        if let End::Crease { .. } = sector.end {
-            sums.add(angle, self.opposite(last));
-            sums.first_less_last = self.to(sector.first) - self.opposite(last);
-        }
-        sums
-    }
-
-    /// The sums of the wide ends at `v`, for each half-edge that leaves them and is no cut.
-    fn wide_ends(&self, v: Vert) -> Vec<(Half, End, Known)> {
-        let leaving = self.mesh.leaving(v);
-        let mut is_done = vec![false; leaving.len()];
-        let mut wide = Vec::new();
-        // From a cut edge the walk never turns back, so that all sectors together cost one turn.
-        let (cut, rest): (Vec<_>, Vec<_>) = (0..leaving.len()).partition(|&n| self.is_cut[leaving[n]]);
-        for n in cut.into_iter().chain(rest) {
-            if is_done[n] {
-                continue;
-            }
-            let sector = self.walk_sector(leaving[n]);
-            let (sums, normal) = (self.harmonics(sector), self.normal(sector));
-            for (i, h) in self.halves_of(sector).enumerate() {
-                is_done[leaving.binary_search(&h).unwrap_or(n)] = true;
-                let (k, end, sums) = match sector.end {
-                    end @ End::Interior { k } => (k, end, sums.turned(i as f64 * end.angle())),
-                    End::Crease { k, .. } => (k, End::Crease { k, i }, sums),
-                };
-                if k > WIDE && !self.is_cut[h] {
-                    let wish = wish(end, &sums, self.from(h), self.to(h));
-                    wide.push((h, end, Known { wish, normal }));
-                }
-            }
-        }
-        wide
-    }
-
-    /// Where the curve through the edge of `h` goes on before its start: the neighbour along the only
-    /// other cut edge in the fan.
-    fn curve_before(&self, h: Half) -> Option<Vert> {
-        self.curve_beyond(h, Some(h), self.mesh.twin(h))
-    }
-
-    /// Where it goes on after the end of `h`.
-    fn curve_after(&self, h: Half) -> Option<Vert> {
-        self.curve_beyond(h, self.mesh.twin(h), Some(h))
-    }
-
-    /// The neighbour along the only other cut edge at one end of `edge`; of its half-edges one leaves that
-    /// end, one arrives. None at a corner or dead end.
-    ///
-    /// The walk ends at the second other cut edge: all curves through one vertex cost a few turns in all.
-    fn curve_beyond(&self, edge: Half, leaving: Option<Half>, arriving: Option<Half>) -> Option<Vert> {
-        let knot = self.knots.around(self.mesh, edge);
-        if !knot.is_empty() {
-            return self.knot_beyond(
-                edge,
-                if leaving == Some(edge) { self.mesh.from(edge) } else { self.mesh.to(edge) },
-            );
-        }
-        let mut found = None;
-        let mut next = leaving;
-        while let Some(h) = next {
-            next = self.mesh.rotate_ccw(h);
-            if next.is_some() && next == leaving {
-                return found;
-            }
-            if self.is_cut[h.prev()]
-                && found.replace(self.curve_neighbour(h.prev(), self.mesh.opposite(h))?).is_some()
-            {
-                return None;
-            }
-        }
-        let mut next = arriving.map(Half::next);
-        while let Some(h) = next {
-            if self.is_cut[h] && found.replace(self.curve_neighbour(h, self.mesh.to(h))?).is_some() {
-                return None;
-            }
-            next = self.mesh.rotate_cw(h);
-        }
-        found
-    }
-
-    /// The same for an edge of three faces or more, which has no fan of its own: among all fans at `v`.
-    fn knot_beyond(&self, edge: Half, v: Vert) -> Option<Vert> {
-        let ends = [self.mesh.from(edge), self.mesh.to(edge)];
-        let mut found = None;
-        for &h in self.mesh.leaving(v) {
-            for (spoke, neighbour) in [(h, self.mesh.to(h)), (h.prev(), self.mesh.opposite(h))] {
-                let is_new = self.is_cut[spoke] && !ends.contains(&neighbour) && found != Some(neighbour);
-                if is_new && found.replace(neighbour).is_some() {
-                    return None;
-                }
-            }
-        }
-        found
-    }
-
-    /// The neighbour along a cut edge, unless that edge is a knot: no curve of one fan runs on into it.
-    fn curve_neighbour(&self, cut: Half, neighbour: Vert) -> Option<Vert> {
-        self.knots.around(self.mesh, cut).is_empty().then_some(neighbour)
-    }
-
     fn from(&self, h: Half) -> DVec3 {
         self.mesh.point(self.mesh.from(h))
     }
@@ -487,41 +276,6 @@ fn expected_by_normals(edge: DVec3, n: DVec3, m: DVec3) -> [DVec3; 2] {
     // A normal that lies flat would promise the moon; its slope ends at that of 78 degrees.
     let slope = |normal: DVec3| normal.dot(edge) / normal.dot(up).max(0.2);
     [-0.25 * slope(n) * up, 0.25 * slope(m) * up]
-}
-
-/// The neighbours of an end, summed as they are and times cosine and sine of once and twice their angle.
-///
-/// The angle of spoke j is j times 2π/k at an interior end, j times π/k at a crease end.
-#[derive(Clone, Copy, Debug, Default)]
-struct Harmonics {
-    all: DVec3,
-    cos: [DVec3; 2],
-    sin: [DVec3; 2],
-    /// The neighbour at spoke 0 less that at spoke k.
-    first_less_last: DVec3,
-}
-
-impl Harmonics {
-    /// Adds the neighbour at the angle whose cosine and sine are given.
-    fn add(&mut self, angle: DVec2, neighbour: DVec3) {
-        let twice = angle.rotate(angle);
-        self.all += neighbour;
-        for (i, angle) in [angle, twice].into_iter().enumerate() {
-            self.cos[i] += angle.x * neighbour;
-            self.sin[i] += angle.y * neighbour;
-        }
-    }
-
-    /// The same sums with angles counted from `angle`.
-    fn turned(&self, angle: f64) -> Self {
-        let mut turned = *self;
-        for i in 0..2 {
-            let (sin, cos) = ((i + 1) as f64 * angle).sin_cos();
-            turned.cos[i] = cos * self.cos[i] + sin * self.sin[i];
-            turned.sin[i] = cos * self.sin[i] - sin * self.cos[i];
-        }
-        turned
-    }
 }
 
 /// Where an extraordinary end at `centre` would have the new vertex on the edge to `spoke`. Exact for

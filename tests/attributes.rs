@@ -121,18 +121,20 @@ fn normals_at_touched_vertices_are_made_anew_and_others_kept() {
         "{ROOF}vn 0 1 0\nvn -1 0 0\nf 4//1 3//1 2//2\nf 4//1 2//2 1\nf 4//1 6//1 5//1\nf 4//1 5//1 3//1\n"
     );
     let right = "vn 0.7071067811865476 0 0.7071067811865476\n";
+    // Where a sector has one face only, its normal comes without a mean; equal ones of a face are one.
+    let alone = "vn 0.7071067811865475 0 0.7071067811865475\n";
     let left = "vn -0.7071067811865476 0 0.7071067811865476\n";
     assert_eq!(
         refined(&text, &[[6, 5]], &[], &[]),
         format!(
-            "{ROOF}v 2 2 0\nvn 0 1 0\nvn -1 0 0\nvn 0 0 1\n{right}{right}{right}\
+            "{ROOF}v 2 2 0\nvn 0 1 0\nvn -1 0 0\nvn 0 0 1\n{right}{alone}{right}\
              f 4//3 3//1 2//2\nf 4//3 2//2 1\nf 6//5 7//6 4//3\nf 7//6 5//4 4//3\nf 4//3 5//4 3//1\n"
         ),
         "one normal over the smooth ridge"
     );
     let sharp = format!(
-        "{ROOF}v 2 2 0\nvn 0 1 0\nvn -1 0 0\n{left}{right}{right}{right}{right}\
-         f 4//3 3//1 2//2\nf 4//3 2//2 1\nf 6//6 7//7 4//4\nf 7//7 5//5 4//4\nf 4//4 5//5 3//1\n"
+        "{ROOF}v 2 2 0\nvn 0 1 0\nvn -1 0 0\n{left}{right}{alone}\
+         f 4//3 3//1 2//2\nf 4//3 2//2 1\nf 6//5 7//4 4//4\nf 7//4 5//4 4//4\nf 4//4 5//4 3//1\n"
     );
     assert_eq!(refined(&text, &[[6, 5]], &[], &[[3, 4]]), sharp, "one on each side of the sharp ridge");
     // The file has two normals along the ridge: no need to say that it is sharp.
@@ -140,10 +142,24 @@ fn normals_at_touched_vertices_are_made_anew_and_others_kept() {
         .replace("vn -1 0 0\n", "vn -1 0 0\nvn 1 0 0\n")
         .replace("f 4//1 6//1 5//1\nf 4//1 5//1 3//1", "f 4//3 6//1 5//1\nf 4//3 5//1 3//3");
     let expected = format!(
-        "{ROOF}v 2 2 0\nvn 0 1 0\nvn -1 0 0\nvn 1 0 0\n{left}{right}{right}{right}{right}\
-         f 4//4 3//1 2//2\nf 4//4 2//2 1\nf 6//7 7//8 4//5\nf 7//8 5//6 4//5\nf 4//5 5//6 3//3\n"
+        "{ROOF}v 2 2 0\nvn 0 1 0\nvn -1 0 0\nvn 1 0 0\n{left}{right}{alone}\
+         f 4//4 3//1 2//2\nf 4//4 2//2 1\nf 6//6 7//5 4//5\nf 7//5 5//5 4//5\nf 4//5 5//5 3//3\n"
     );
     assert_eq!(refined(&split, &[[6, 5]], &[], &[]), expected);
+}
+
+#[test]
+fn normals_that_still_hold_stay_as_the_file_has_them() {
+    // Four decimals, and one normal twice, as exporters write them.
+    let table = "vn 0.7071 0 0.7071\nvn 0.7071 0 0.7071\n";
+    let text = format!("{ROOF}{table}f 4//1 6//2 5//1\nf 4//2 5//2 3//1\n");
+    assert_eq!(
+        refined(&text, &[[6, 5], [4, 5]], &[], &[]),
+        format!(
+            "{ROOF}v 2 2 0\nv 1.5 2 0.5\n{table}f 5//1 8//1 7//1\nf 8//1 4//1 6//2\nf 8//1 6//2 7//1\n\
+             f 4//1 8//1 3//1\nf 8//1 5//1 3//1\n"
+        )
+    );
 }
 
 /// One rebuild by hand: of three triangles round vertex 1 the middle one is gone, and vertex 2 has gone
@@ -188,6 +204,26 @@ fn lines_to_vertices_that_are_gone_are_named() {
     assert_eq!(
         written(new.points(), new.faces(), &attributes),
         "v 0 0 0\nv 2 0 0\nv 0 2 0\nl 1 2\nf 1 2 3\n"
+    );
+}
+
+#[test]
+fn a_new_vertex_without_a_face_has_no_colour() {
+    // Found by random changes to files: faces that name a vertex twice can leave one behind.
+    let model = read("v 0 0 0 1 0 0\nv 2 0 0 0 1 0\nv 0 2 0 0 0 1\nf 1 2 3\n");
+    let mut points = model.points.clone();
+    let mesh = Mesh::new(model.points, model.faces).unwrap();
+    points.push(DVec3::ONE);
+    let new = Mesh::new(points, mesh.faces().to_vec()).unwrap();
+    let lineage = Lineage {
+        parents: vec![Face::new(0)].into(),
+        corners: [0, 1, 2].map(Place::Corner).to_vec().into(),
+        foreign: Vec::new(),
+    };
+    let (attributes, _) = model.attributes.carry(&lineage, &mesh, &new, &[]);
+    assert_eq!(
+        written(new.points(), new.faces(), &attributes),
+        "v 0 0 0 1 0 0\nv 2 0 0 0 1 0\nv 0 2 0 0 0 1\nv 1 1 1\nf 1 2 3\n"
     );
 }
 

@@ -437,6 +437,19 @@ fn a_long_way_round_keeps_every_bit() {
     assert_eq!((bits(&stl), &stl.faces), (bits(&model)[..3].to_vec(), &model.faces));
 }
 
+#[test]
+fn names_and_comments_never_break_a_line() {
+    let stl = STL_TEXT.replace("solid \n", "solid a\\\n").replace("endsolid\n", "endsolid a\\\n");
+    let obj = text(&parse(stl, STL).unwrap(), Format::Obj);
+    assert_square(&parse(&obj, Format::Obj).unwrap(), &obj);
+    let ply = format!("{HEAD}{BODY}").replace("element v", "comment a\rf 1 1 1\nobj_info b\rc\nelement v");
+    let obj = text(&parse(ply, PLY).unwrap(), Format::Obj);
+    assert!(obj.starts_with("# a f 1 1 1\n# b c\nv 0 0 0\n"), "{obj}");
+    let obj = parse("v 0 0 0\no a \\\n b\nf 1 1 1\n", Format::Obj).unwrap();
+    let stl = text(&obj, Format::Stl(Some(Encoding::Ascii)));
+    assert!(stl.starts_with("solid a \\  b\n facet"), "{stl}");
+}
+
 /// What ply-rs-bw makes of a file: coordinates and corners.
 fn ply_oracle(bytes: &[u8]) -> (Vec<[f64; 3]>, Vec<Vec<i64>>) {
     let ply = Parser::<DefaultElement>::new().read_ply(&mut Cursor::new(bytes)).expect("the oracle reads it");

@@ -5,7 +5,8 @@ import measure
 import meshes
 import numpy as np
 import pytest
-from make_inputs import Surface, original, sample
+from make_inputs import Surface, sample
+from shapes import SHAPES, original
 
 SMALL = 1500
 
@@ -41,7 +42,7 @@ def test_originals_have_the_creases_that_they_are_known_for(shape, length, corne
     assert (np.bincount(lines.ravel(), minlength=1) >= 3).sum() == corners
 
 
-@pytest.mark.parametrize("shape", make_inputs.SHAPES)
+@pytest.mark.parametrize("shape", SHAPES)
 def test_originals_are_closed_manifolds(shape):
     mesh = original(shape)
     make_inputs.check(shape, *mesh, Surface(*mesh))

@@ -119,8 +119,8 @@ impl Step<'_> {
             best[v.index()] = best[v.index()].min((rank, h));
         }
         let source = |(v, best): (usize, (u8, Half))| match best {
-            UNUSED if v < self.old.n_verts() => None,
-            (0, _) => None,
+            // Without a face it keeps its values, or has none if it is new.
+            UNUSED | (0, _) => None,
             (_, h) => Some((Vert::new(v), h)),
         };
         best.into_iter().enumerate().filter_map(source).collect()
@@ -202,22 +202,22 @@ impl Step<'_> {
         let mut between: HashMap<(u32, u32), u32> = HashMap::new();
         let mut last_centre = (Face::NONE, Channel::NONE);
         for h in self.new.halves() {
+            if let Place::Corner(i) = self.lineage.corners[h] {
+                at.push(old_at[self.lineage.parents[h.face()].half(i as usize)]);
+                continue;
+            }
             let (parent, weights) = self.weights(h);
             let corners = parent.halves().map(|half| old_at[half]);
-            let is_known = (0..3).all(|i| weights[i] == 0.0 || corners[i] != Channel::NONE);
+            if (0..3).any(|i| weights[i] > 0.0 && corners[i] == Channel::NONE) {
+                at.push(Channel::NONE);
+                continue;
+            }
             at.push(match self.lineage.corners[h] {
-                _ if !is_known => Channel::NONE,
-                Place::Corner(i) => corners[i as usize],
                 Place::Mid(i) => {
                     let (a, b) = (corners[i as usize], corners[(i as usize + 1) % 3]);
-                    if a == b {
-                        a
-                    } else {
-                        let pair = (a.min(b), a.max(b));
-                        *between
-                            .entry(pair)
-                            .or_insert_with(|| channel.mix([pair.0, pair.1, pair.1], [0.5, 0.5, 0.0]))
-                    }
+                    let (a, b) = (a.min(b), a.max(b));
+                    let mut mix = || channel.mix([a, b, b], [0.5, 0.5, 0.0]);
+                    if a == b { a } else { *between.entry((a, b)).or_insert_with(&mut mix) }
                 }
                 Place::Centre => {
                     if last_centre.0 != parent {
@@ -225,7 +225,7 @@ impl Step<'_> {
                     }
                     last_centre.1
                 }
-                Place::Foreign => channel.mix(corners, weights),
+                Place::Corner(_) | Place::Foreign => channel.mix(corners, weights),
             });
         }
         channel.at = at.into();
@@ -311,8 +311,16 @@ impl FileVerts {
 }
 
 impl Channel {
-    /// Adds the mean of three entries, weighted.
+    /// The mean of three entries, weighted: a new entry, unless they are all the same.
     fn mix(&mut self, entries: [u32; 3], weights: [f64; 3]) -> u32 {
+        let mut used =
+            entries.into_iter().zip(weights).filter(|&(_, weight)| weight > 0.0).map(|(entry, _)| entry);
+        let bits = |entry: u32| (self.values[entry as usize].map(f64::to_bits), self.widths[entry as usize]);
+        if let Some(first) = used.next()
+            && used.all(|entry| bits(entry) == bits(first))
+        {
+            return first;
+        }
         let mut value = [0.0; 3];
         let mut width = 0;
         for (entry, weight) in entries.into_iter().zip(weights).filter(|&(_, weight)| weight > 0.0) {

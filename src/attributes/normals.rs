@@ -81,16 +81,33 @@ fn weighted_normal(mesh: &Mesh, h: Half) -> DVec3 {
     unit_normal(triangle).map_or(DVec3::ZERO, |normal| normal * inner_angles(triangle)[h.corner()])
 }
 
-/// Gives each sector at `v` a normal of its own.
+/// A normal within this distance of the carried one is the same: files have as few as four decimals.
+const SAME: f64 = 2e-4;
+
+/// Gives each sector at `v` a normal of its own, or leaves it the carried one if that still holds.
 fn renew_at(v: Vert, step: &Step, is_sharp: &PerHalf<bool>, normals: &mut Channel) {
     for mut sector in sectors(v, step, is_sharp, normals) {
         sector.sort_unstable();
-        let sum: DVec3 = sector.iter().map(|&h| weighted_normal(step.new, h)).sum();
+        let normal = match *sector {
+            [h] => unit_normal(step.new.triangle(h.face())),
+            _ => sector.iter().map(|&h| weighted_normal(step.new, h)).sum::<DVec3>().try_normalize(),
+        };
         sector.retain(|&h| normals.at[h] != Channel::NONE);
-        if let (Some(normal), false) = (sum.try_normalize(), sector.is_empty()) {
-            let entry = normals.push(normal.to_array(), 3);
-            sector.iter().for_each(|&h| normals.at[h] = entry);
-        }
+        let (Some(normal), Some(&first)) = (normal, sector.first()) else { continue };
+        // Without a sign before zero.
+        let normal = normal + DVec3::ZERO;
+        let is_foreign = |h: Half| step.lineage.corners[h] == Place::Foreign;
+        let carried = normals.at[sector.iter().copied().find(|&h| !is_foreign(h)).unwrap_or(first)];
+        let value = |entry: u32| DVec3::from(normals.values[entry as usize]);
+        // The corners of a flat face have one entry in common.
+        let of_face = first.face().halves().map(|h| normals.at[h]).into_iter();
+        let of_face = of_face.filter(|&entry| entry != Channel::NONE).find(|&entry| value(entry) == normal);
+        let entry = if value(carried).distance(normal) < SAME {
+            carried
+        } else {
+            of_face.unwrap_or_else(|| normals.push(normal.to_array(), 3))
+        };
+        sector.iter().for_each(|&h| normals.at[h] = entry);
     }
 }
 

@@ -49,9 +49,13 @@ impl Format {
         let extension = path.extension().map(|extension| extension.to_string_lossy().to_lowercase());
         let found =
             extension.as_deref().filter(|name| Self::EXTENSIONS.contains(name)).and_then(Self::by_name);
-        found.ok_or_else(|| Error::Format {
-            file: display_name(path),
-            reason: format!("no format goes by this name (known are .{})", Self::EXTENSIONS.join(", .")),
+        found.ok_or_else(|| {
+            let reason = if super::is_stream(path) {
+                format!("a stream has no name to tell its format by (known are {})", Self::NAMES.join(", "))
+            } else {
+                format!("no format goes by this name (known are .{})", Self::EXTENSIONS.join(", ."))
+            };
+            Error::Format { file: display_name(path), reason }
         })
     }
 
@@ -67,7 +71,7 @@ mod tests {
     fn extensions_and_names_are_known() {
         assert_eq!(Format::of(Path::new("a/b.c.OBJ")).unwrap(), Format::Obj);
         assert_eq!(Format::of(Path::new("b.Stl")).unwrap(), Format::Stl(None));
-        for path in ["a", "obj", ".ply", "a.ply-ascii", "a.glb", "-"] {
+        for path in ["a", "obj", ".ply", "a.ply-ascii", "a.glb", "a-"] {
             let fault = Format::of(Path::new(path)).unwrap_err().to_string();
             assert_eq!(
                 fault,

@@ -329,6 +329,23 @@ mod tests {
     }
 
     #[test]
+    fn a_name_that_ends_in_a_backslash_joins_no_line_to_it() {
+        // Found by random changes to files: the face behind the name was lost on writing.
+        for name in
+            ["usemtl a \\\n\n", "usemtl a \\ \n", "usemtl a \\\\\n \\\n\n", "mtllib a\\\n\n", "g \\\n\\\n\n"]
+        {
+            let text = format!("{POINTS}{name}f 1 2 3\n");
+            let kept = name.replace(['\\', '\n'], "").trim().to_owned();
+            let expected =
+                if kept.starts_with('m') { format!("{kept}\n{POINTS}") } else { format!("{POINTS}{kept}\n") };
+            assert_eq!(again(&text), expected + "f 1 2 3\n", "{name:?}");
+        }
+        let hash = format!("{POINTS}usemtl a#\\\nf 1 2 3\n");
+        assert_eq!(again(&hash), hash);
+        assert_eq!(again(&format!("{POINTS}f 1 2 3\ng \\")), format!("{POINTS}f 1 2 3\ng\n"));
+    }
+
+    #[test]
     fn polygons_come_back_as_polygons() {
         // A quadrilateral cut along 2-4, a concave pentagon, and triangles between.
         let text = "v 0 0 0\nv 1 0 0\nv 3 2 0\nv 0 1 0\nv 1 0.5 0\nvt 0 0\nvt 1 1\n\

@@ -10,7 +10,7 @@ use std::borrow::Cow;
 use glam::DVec3;
 
 use super::faces::{Corners, Faces};
-use super::text::{Cursor, push_number, push_whole};
+use super::text::{Cursor, push_number, push_one_line, push_whole};
 use super::vertex_data::{COLOURS, byte_colours, vertex_normals};
 use super::{Model, View, looks_like};
 use crate::attributes::{Attributes, Column, Kind, Statement, Text};
@@ -244,8 +244,7 @@ pub(super) fn format(view: View) -> Vec<u8> {
     out.extend_from_slice(b"OFF\n");
     for line in view.attributes.head.iter().chain(&view.attributes.info) {
         out.push(b'#');
-        out.extend(line.iter().map(|&byte| if matches!(byte, b'\n' | b'\r') { b' ' } else { byte }));
-        out.push(b'\n');
+        push_one_line(&mut out, line);
     }
     for (count, end) in [(view.points.len(), b" "), (n_faces, b" "), (0, b"\n")] {
         push_whole(&mut out, count);

@@ -14,7 +14,7 @@
 use glam::DVec3;
 
 use super::faces::{Corners, Faces};
-use super::text::{Cursor, push_number};
+use super::text::{Cursor, push_number, push_one_line};
 use super::{Model, View, looks_like};
 use crate::attributes::{Attributes, Column, Encoding, Kind, Mark, Statement, Storage};
 use crate::error::{Fault, Quoted};
@@ -243,7 +243,8 @@ fn format_text(view: View) -> Vec<u8> {
                 push_end(&mut out, name);
             }
             name = next;
-            out.extend([b"solid ", name, b"\n"].concat());
+            out.extend_from_slice(b"solid ");
+            push_one_line(&mut out, name);
         }
         let corners = face.map(|v| view.points[v.index()]);
         out.extend_from_slice(b" facet normal");
@@ -269,8 +270,7 @@ fn solid(mark: &Mark) -> Option<(usize, &[u8])> {
 
 fn push_end(out: &mut Vec<u8>, name: &[u8]) {
     out.extend_from_slice(if name.is_empty() { b"endsolid" } else { b"endsolid " });
-    out.extend_from_slice(name);
-    out.push(b'\n');
+    push_one_line(out, name);
 }
 
 fn push_vector(out: &mut Vec<u8>, vector: DVec3) {

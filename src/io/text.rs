@@ -210,6 +210,12 @@ pub(super) fn push_whole(out: &mut Vec<u8>, number: usize) {
     out.extend_from_slice(itoa::Buffer::new().format(number).as_bytes());
 }
 
+/// Appends a line whose text may come from a format in which a line ends otherwise.
+pub(super) fn push_one_line(out: &mut Vec<u8>, text: &[u8]) {
+    out.extend(text.iter().map(|&byte| if is_line_end(byte) { b' ' } else { byte }));
+    out.push(b'\n');
+}
+
 /// Whether `word` would be a number if its commas were points.
 fn is_with_comma(word: &[u8]) -> bool {
     let with_points: Vec<u8> = word.iter().map(|&b| if b == b',' { b'.' } else { b }).collect();

@@ -35,6 +35,10 @@ const ROUND_GUESSED: f64 = 0.4;
 const SHORT_STRIP: usize = 10;
 const MAX_GUESSED: f64 = 0.5;
 
+/// Where less than this share of the candidates is kept, a strip has to be long to be believed. On filleted
+/// boxes fragments of 2 to 13 edges came through, each of which spikes the fillet.
+const MOSTLY_KEPT: f64 = 0.5;
+
 /// A sample is off the surface when it is this far from a fit, in h ...
 const OFF_DISPLACEMENT: f64 = 0.03;
 /// ... and this many times the fit's residual ...
@@ -44,8 +48,11 @@ const WITNESS_RMS: f64 = 0.01;
 /// Share of samples off the surface from which on it is the sampling and not chance. Measured: marching
 /// cubes .20 to .51; marching intersections, remeshed and scanned .05 or less.
 const OFF_SHARE: f64 = 0.12;
-/// Share of witnesses that is needed to be sure. Organic meshes have .16 and less, noisy ones 0.
-const WITNESS_SHARE: f64 = 0.8;
+/// Share of witnesses that is needed to be sure. Organic meshes have .16 and less, noisy ones 0; a coarse
+/// marching-cubes mesh has .4.
+const WITNESS_SHARE: f64 = 0.3;
+/// Share of all labels that must be witnesses off the surface: one witness on a noisy mesh proves nothing.
+const OFF_SHARE_OF_ALL: f64 = 0.1;
 
 /// What became of a strip.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
@@ -61,6 +68,21 @@ pub enum Fate {
     Round,
     /// It is short and rests on guesses.
     Guessed,
+    /// It is short, and most of what is round it was left alone.
+    Fragment,
+}
+
+impl std::fmt::Display for Fate {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.pad(match self {
+            Self::Kept => "recovered",
+            Self::FarFromFits => "too far from the fits beside it",
+            Self::PoorFits => "short, between poor fits",
+            Self::Round => "rounded",
+            Self::Guessed => "short, made of guesses",
+            Self::Fragment => "a fragment of what was left alone",
+        })
+    }
 }
 
 /// Candidate edges that share triangles, and why they are believed or not. Lengths in mean edges.
@@ -92,14 +114,11 @@ pub struct OffSurface {
 }
 
 impl OffSurface {
-    /// Whether it looks as if they were.
+    /// Whether they are, so that they have to be moved.
     pub(super) fn is_likely(self) -> bool {
         self.share >= OFF_SHARE
-    }
-
-    /// Whether they are for certain, so that they have to be moved.
-    pub(super) fn is_certain(self) -> bool {
-        self.is_likely() && self.witnesses >= WITNESS_SHARE
+            && self.witnesses >= WITNESS_SHARE
+            && self.share * self.witnesses >= OFF_SHARE_OF_ALL
     }
 }
 
@@ -154,7 +173,23 @@ pub(super) fn judge_strips(
     for (&h, &strip) in candidates.iter().zip(&strip_of) {
         sums[strip as usize].add(surface, fits, h);
     }
-    (strip_of, sums.iter().map(|sums| sums.strip(noise)).collect())
+    let mut strips: Vec<Strip> = sums.iter().map(|sums| sums.strip(noise)).collect();
+    cancel_fragments(&mut strips);
+    (strip_of, strips)
+}
+
+/// Where the gates cancelled most of the candidates, the mesh is round, and what they let through in short
+/// strips are fragments of the same rounds.
+fn cancel_fragments(strips: &mut [Strip]) {
+    let n_edges = |strips: &mut dyn Iterator<Item = &Strip>| strips.map(|strip| strip.n_edges).sum::<usize>();
+    let all = n_edges(&mut strips.iter());
+    let kept = n_edges(&mut strips.iter().filter(|strip| strip.fate == Fate::Kept));
+    if (kept as f64) < MOSTLY_KEPT * all as f64 {
+        for strip in strips.iter_mut().filter(|strip| strip.fate == Fate::Kept && strip.n_edges < LONG_STRIP)
+        {
+            strip.fate = Fate::Fragment;
+        }
+    }
 }
 
 /// Numbers the groups of `edges` that share triangles, in the order of their lowest edges.
@@ -358,6 +393,29 @@ mod tests {
     }
 
     #[test]
+    fn fragments_of_what_was_left_alone_are_left_alone_too() {
+        let strip = |n_edges, fate| Strip {
+            n_edges,
+            displacement: 0.0,
+            rms: 0.0,
+            inward: 0.0,
+            n_inward: 0,
+            guessed: 0.0,
+            fate,
+        };
+        let fates = |mut strips: Vec<Strip>| {
+            cancel_fragments(&mut strips);
+            strips.into_iter().map(|strip| strip.fate).collect::<Vec<_>>()
+        };
+        let round = strip(100, Fate::Round);
+        let (short, long) = (strip(29, Fate::Kept), strip(30, Fate::Kept));
+        let cancelled = fates(vec![round.clone(), short.clone(), long.clone()]);
+        assert_eq!(cancelled, [Fate::Round, Fate::Fragment, Fate::Kept]);
+        let kept = fates(vec![round, short, strip(71, Fate::Kept)]);
+        assert_eq!(kept, [Fate::Round, Fate::Kept, Fate::Kept], "half of the edges");
+    }
+
+    #[test]
     fn samples_are_off_the_surface_by_the_word_of_good_fits() {
         let m = strip();
         let (normals, labels) = labels(&m);
@@ -370,6 +428,9 @@ mod tests {
         let off = off_surface(&surface, &fits, &chamfers);
         // Vertex 5 is interior, 4 and 7 have no fit, 3 has a guess; of 0 and 2 the first is off.
         assert_eq!(off, OffSurface { witnesses: 2.0 / 3.0, share: 0.5 });
-        assert!(off.is_likely() && !off.is_certain());
+        assert!(off.is_likely());
+        assert!(!OffSurface { witnesses: 0.9, share: 0.11 }.is_likely(), "too small a share");
+        assert!(!OffSurface { witnesses: 0.29, share: 0.9 }.is_likely(), "too few witnesses");
+        assert!(!OffSurface { witnesses: 0.5, share: 0.15 }.is_likely(), "too few of all labels");
     }
 }

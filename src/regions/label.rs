@@ -4,13 +4,13 @@ use rayon::prelude::*;
 
 use super::VertexFits;
 use super::patch::{Cluster, Member, Patch};
-use super::surface::{Surface, per_vertex};
-use crate::fit::{Fit, FitSource, Sample, fit_samples};
+use super::surface::Surface;
+use crate::fit::{Fit, FitSource, Fitter, Sample};
 use crate::mesh::Vert;
 
 /// Samples that are not deep inside their region are trusted this much: their normals lean towards the
 /// chamfer, but small regions have no others.
-const SHALLOW_TRUST: f64 = 0.1;
+pub(super) const SHALLOW_TRUST: f64 = 0.1;
 /// Where a fit leaves more than this residual (in h) ...
 const ERODED_RMS: f64 = 0.002;
 /// ... and at least this many of its samples lie deep inside the region, these are tried alone ...
@@ -22,10 +22,10 @@ const ERODED_GAIN: f64 = 0.3;
 const MAX_RMS: f64 = 0.25;
 /// What a region loses for each h that it is farther away, in h of displacement: of two regions that
 /// explain a vertex nearly as well the nearer one is meant.
-const DISTANCE_PENALTY: f64 = 0.08;
+pub(super) const DISTANCE_PENALTY: f64 = 0.08;
 /// A vertex farther from every fit (in h) is not explained. Marching cubes puts samples up to 0.33 h off;
 /// forcing a label on every vertex makes errors above the input's.
-const EXPLAINED: f64 = 0.35;
+pub(super) const EXPLAINED: f64 = 0.35;
 
 /// Leftover vertices this many rings round one may join its fit ...
 const LEFTOVER_RINGS: usize = 3;
@@ -33,42 +33,40 @@ const LEFTOVER_RINGS: usize = 3;
 const LEFTOVER_MEMBERS: usize = 4;
 /// ... and has to be this good: residual and displacement in h. At a residual of 0.03 coarse meshes lose
 /// a tenth of their gain, at 0.1 finely sampled ones a quarter.
-const LEFTOVER_RMS: f64 = 0.05;
+pub(super) const LEFTOVER_RMS: f64 = 0.05;
+/// Where samples are off the surface, all residuals beside a crease are larger: a coarse marching-cubes mesh
+/// gains a twentieth, and none loses.
+pub(super) const LEFTOVER_RMS_OFF_SURFACE: f64 = 0.1;
 const LEFTOVER_DISPLACEMENT: f64 = 0.1;
-
-/// On samples that lie on the surface, a label this far (in h) from its vertex is wrong ...
-const FAR: f64 = 0.15;
-/// ... or this many times the noise.
-const FAR_IN_NOISE: f64 = 5.0;
 
 /// A vertex adopts the fit of a neighbour if it lies within this distance of it, in h ...
 const ADOPTED_DISPLACEMENT: f64 = 0.1;
 /// ... and one of its faces within this angle (cosine; 40 degrees) of the fit's normal.
 const ADOPTED_COSINE: f64 = 0.77;
 
+/// Vertices per unit of parallel work, at least: each unit makes its own scratch memory.
+const MIN_TASK: usize = 256;
+
 /// Steps 3 to 5: gives each doubtful vertex the fit of the smooth region that explains it best.
 pub(super) fn explain_by_regions(surface: &Surface) -> VertexFits {
     let mut fits = VertexFits::none(surface.mesh.n_verts(), surface.doubtful());
-    let normals = per_vertex(surface.mesh, |v| surface.normal(v, |_| true));
     let per_h = surface.h.recip();
-    let explain = |(patch, samples): &mut (Patch, Vec<Sample>), &v: &Vert| {
-        patch.search(surface, v);
-        let fit = |samples: &mut Vec<Sample>, cluster: &Cluster| {
+    let explain = |(patch, samples, fitter): &mut (Patch, Vec<Sample>, Fitter), &v: &Vert| {
+        patch.search(surface, surface, v);
+        let mut fit = |cluster: &Cluster| {
             let sample = |member: &Member| Sample {
                 offset: member.offset * per_h,
-                normal: normals[member.vertex],
+                normal: surface.normals[member.vertex],
                 trust: if surface.deep[member.vertex] { 1.0 } else { SHALLOW_TRUST },
             };
-            let members = patch.members(cluster);
             samples.clear();
-            samples.extend(members.iter().map(sample));
-            let fit = fit_samples(surface.mesh.point(v), samples, FitSource::Region)?;
-            let deep = members.iter().filter(|member| surface.deep[member.vertex]);
-            let n_deep = deep.clone().count();
-            if fit.rms > ERODED_RMS && (ERODED_MEMBERS..members.len()).contains(&n_deep) {
-                samples.clear();
-                samples.extend(deep.map(sample));
-                let eroded = fit_samples(surface.mesh.point(v), samples, FitSource::Region);
+            samples.extend(patch.members(cluster).iter().map(sample));
+            let fit = fitter.fit(surface.mesh.point(v), samples, FitSource::Region)?;
+            let n_members = samples.len();
+            let n_deep = samples.iter().filter(|sample| sample.trust == 1.0).count();
+            if fit.rms > ERODED_RMS && (ERODED_MEMBERS..n_members).contains(&n_deep) {
+                samples.retain(|sample| sample.trust == 1.0);
+                let eroded = fitter.fit(surface.mesh.point(v), samples, FitSource::Region);
                 if let Some(eroded) = eroded.filter(|eroded| eroded.rms < ERODED_GAIN * fit.rms) {
                     return Some(eroded);
                 }
@@ -76,7 +74,7 @@ pub(super) fn explain_by_regions(surface: &Surface) -> VertexFits {
             Some(fit).filter(|fit| fit.rms <= MAX_RMS)
         };
         if surface.interior[v] {
-            return patch.clusters().first().and_then(|own| fit(samples, own));
+            return patch.clusters().first().and_then(fit);
         }
         let mut best: Option<(f64, Fit)> = None;
         for cluster in patch.clusters() {
@@ -84,7 +82,7 @@ pub(super) fn explain_by_regions(surface: &Surface) -> VertexFits {
             if best.as_ref().is_some_and(|&(score, _)| score <= penalty) {
                 break; // No region from here on can be better.
             }
-            let Some(fit) = fit(samples, cluster) else { continue };
+            let Some(fit) = fit(cluster) else { continue };
             let score = fit.displacement.abs() + penalty;
             if best.as_ref().is_none_or(|&(least, _)| score < least) {
                 best = Some((score, fit));
@@ -92,23 +90,27 @@ pub(super) fn explain_by_regions(surface: &Surface) -> VertexFits {
         }
         best.map(|(_, fit)| fit).filter(|fit| fit.displacement.abs() < EXPLAINED)
     };
-    fits.fits = fits.verts.par_iter().map_init(Default::default, explain).collect();
+    let scratch = || (Patch::default(), Vec::new(), Fitter::default());
+    let found = fits.verts.par_iter().with_min_len(MIN_TASK).map_init(scratch, explain).collect();
+    fits.fits = found;
     fits
 }
 
 /// Step 6a: a vertex that no region explains, but that has red faces, keeps the papers' plane.
 pub(super) fn explain_by_red_faces(surface: &Surface, fits: &mut VertexFits) {
-    explain_the_rest(surface, fits, |_, v| {
-        let normal = surface.normal(v, |f| surface.red_face[f]);
+    explain_the_rest(surface, fits, |(), _, v| {
+        let normal = surface.normal_of(v, |f| surface.red_face[f]);
         (normal != glam::DVec3::ZERO).then(|| Fit::plane(surface.mesh.point(v), normal, FitSource::Paper))
     });
 }
 
 /// Step 6b: fits among the vertices that are still without one.
-pub(super) fn explain_by_leftovers(surface: &Surface, fits: &mut VertexFits) {
-    explain_the_rest(surface, fits, |fits, centre| {
+pub(super) fn explain_by_leftovers(surface: &Surface, fits: &mut VertexFits, max_rms: f64) {
+    type Scratch = (Vec<Vert>, Vec<Sample>, Fitter);
+    explain_the_rest(surface, fits, |(members, samples, fitter): &mut Scratch, fits, centre| {
         let is_left = |v: Vert| !surface.interior[v] && fits.get(v).is_none();
-        let mut members = vec![centre];
+        members.clear();
+        members.push(centre);
         let mut ring_start = 0;
         for _ in 0..LEFTOVER_RINGS {
             let ring = ring_start..members.len();
@@ -123,23 +125,23 @@ pub(super) fn explain_by_leftovers(surface: &Surface, fits: &mut VertexFits) {
         }
         let is_left_face = |f| surface.mesh.corners(f).into_iter().all(is_left);
         let sample = |&v: &Vert| {
-            let normal = surface.normal(v, is_left_face);
+            let normal = surface.normal_of(v, is_left_face);
             let offset = (surface.mesh.point(v) - surface.mesh.point(centre)) / surface.h;
             (normal != glam::DVec3::ZERO).then_some(Sample { offset, normal, trust: 1.0 })
         };
-        let mut samples: Vec<Sample> = members.iter().filter_map(sample).collect();
+        samples.clear();
+        samples.extend(members.iter().filter_map(sample));
         if samples.len() < LEFTOVER_MEMBERS {
             return None;
         }
-        let fit = fit_samples(surface.mesh.point(centre), &mut samples, FitSource::Leftover)?;
-        let is_good = fit.rms <= LEFTOVER_RMS && fit.displacement.abs() <= LEFTOVER_DISPLACEMENT;
+        let fit = fitter.fit(surface.mesh.point(centre), samples, FitSource::Leftover)?;
+        let is_good = fit.rms <= max_rms && fit.displacement.abs() <= LEFTOVER_DISPLACEMENT;
         is_good.then_some(fit)
     });
 }
 
-/// Second pass: takes back the labels that are far from their vertex, and all guesses.
-pub(super) fn take_back_far_labels(surface: &Surface, fits: &mut VertexFits, noise: f64) {
-    let limit = EXPLAINED.min(FAR.max(FAR_IN_NOISE * noise));
+/// Second pass: takes back the labels farther than `limit` (in h) from their vertex, and all guesses.
+pub(super) fn take_back_far_labels(surface: &Surface, fits: &mut VertexFits, limit: f64) {
     for (&v, fit) in fits.verts.iter().zip(&mut fits.fits) {
         let is_wrong = |fit: &Fit| fit.source != FitSource::Region || fit.displacement.abs() > limit;
         if !surface.interior[v] && fit.as_ref().is_some_and(is_wrong) {
@@ -151,7 +153,7 @@ pub(super) fn take_back_far_labels(surface: &Surface, fits: &mut VertexFits, noi
 /// Late adoption: a vertex that is still without a fit takes that of the neighbour on whose fit it lies
 /// best, if it does. The papers' planes are not handed on.
 pub(super) fn adopt_from_neighbours(surface: &Surface, fits: &mut VertexFits) {
-    explain_the_rest(surface, fits, |fits, v| {
+    explain_the_rest(surface, fits, |(), fits, v| {
         let point = surface.mesh.point(v);
         let mut nearest: Option<(f64, Fit)> = None;
         let handed_on = |w: &Vert| fits.get(*w).filter(|fit| fit.source != FitSource::Paper);
@@ -171,20 +173,19 @@ pub(super) fn adopt_from_neighbours(surface: &Surface, fits: &mut VertexFits) {
     });
 }
 
-/// Gives a fit to each vertex without one, all from the same state.
-fn explain_the_rest(
+/// Gives a fit to each vertex without one, all from the same state. Returns the vertices that got one.
+pub(super) fn explain_the_rest<Scratch: Default>(
     surface: &Surface,
     fits: &mut VertexFits,
-    explain: impl Fn(&VertexFits, Vert) -> Option<Fit> + Sync,
-) {
+    explain: impl Fn(&mut Scratch, &VertexFits, Vert) -> Option<Fit> + Sync,
+) -> Vec<Vert> {
     let is_left = |v: &&Vert| !surface.interior[**v] && fits.get(**v).is_none();
-    let left: Vec<Vert> = fits.verts.iter().filter(is_left).copied().collect();
-    let found: Vec<_> = left.par_iter().map(|&v| explain(fits, v)).collect();
-    for (v, fit) in left.into_iter().zip(found) {
-        if let Some(fit) = fit {
-            fits.set(v, fit);
-        }
-    }
+    let mut left: Vec<Vert> = fits.verts.iter().filter(is_left).copied().collect();
+    let explain = |scratch: &mut Scratch, &v: &Vert| explain(scratch, fits, v);
+    let found: Vec<_> = left.par_iter().map_init(Scratch::default, explain).collect();
+    let mut found = found.into_iter();
+    left.retain(|&v| found.next().flatten().map(|fit| fits.set(v, fit)).is_some());
+    left
 }
 
 #[cfg(test)]
@@ -250,7 +251,7 @@ mod tests {
         let m = strip();
         let normals = m.face_normals();
         let mut fits = VertexFits::none(8, m.verts().collect());
-        explain_by_leftovers(&surface(&m, &normals), &mut fits);
+        explain_by_leftovers(&surface(&m, &normals), &mut fits, LEFTOVER_RMS);
         assert!(fits.iter().count() == 8 && fits.iter().all(|(_, fit)| fit.source == Leftover));
         assert!(fits.iter().all(|(_, fit)| fit.normal.distance(DVec3::Z) < 1e-9 && fit.rms < 1e-7));
         // Three of them are not enough, also where others with a region's fit are next to them.
@@ -258,7 +259,7 @@ mod tests {
         for v in 3..8 {
             fits.set(Vert::new(v), Fit::plane(DVec3::ZERO, DVec3::Z, Region));
         }
-        explain_by_leftovers(&surface(&m, &normals), &mut fits);
+        explain_by_leftovers(&surface(&m, &normals), &mut fits, LEFTOVER_RMS);
         assert_eq!(fits.iter().filter(|(_, fit)| fit.source == Leftover).count(), 0);
         // A strip folded by 90 degrees is not smooth.
         let (mut points, faces) = strip().into_parts();
@@ -266,7 +267,7 @@ mod tests {
         let folded = Mesh::new(points, faces).unwrap();
         let normals = folded.face_normals();
         let mut fits = VertexFits::none(8, folded.verts().collect());
-        explain_by_leftovers(&surface(&folded, &normals), &mut fits);
+        explain_by_leftovers(&surface(&folded, &normals), &mut fits, LEFTOVER_RMS);
         assert_eq!(fits.iter().count(), 0);
     }
 
@@ -279,13 +280,13 @@ mod tests {
         let list =
             [(0, 0.14, Region), (1, 0.16, Region), (2, 0.0, Leftover), (3, 0.0, Paper), (4, 0.3, Region)];
         let list = list.map(|(v, d, source)| (v, DVec3::Z, d, source));
-        let left = |noise| {
+        let left = |limit| {
             let mut fits = planes(&m, &list);
-            take_back_far_labels(&surface, &mut fits, noise);
+            take_back_far_labels(&surface, &mut fits, limit);
             fits.iter().map(|(v, _)| v.index()).collect::<Vec<_>>()
         };
-        assert_eq!(left(0.0), [0, 4], "an interior vertex keeps its own region");
-        assert_eq!(left(0.04), [0, 1, 4], "five times the noise is 0.2");
+        assert_eq!(left(0.15), [0, 4], "an interior vertex keeps its own region");
+        assert_eq!(left(0.2), [0, 1, 4], "all guesses");
     }
 
     #[test]

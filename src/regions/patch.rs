@@ -16,14 +16,35 @@ const REACH_IN_REGION: f64 = 4.5;
 /// a mesh with most of its vertices in one place would take time in the square of their number.
 pub(super) const MAX_MEMBERS: usize = 1024;
 
-/// An interior vertex of the patch, and the way to it from the centre.
+/// What the regions of a patch consist of.
+pub(super) trait Regions {
+    /// Whether `v` is part of a region.
+    fn is_member(&self, v: Vert) -> bool;
+    /// Whether the neighbours `v` and `w`, both part of a region, are part of the same one.
+    fn are_joined(&self, v: Vert, w: Vert) -> bool;
+}
+
+/// The interior vertices alone, joined by any edge.
+impl Regions for Surface<'_> {
+    #[inline]
+    fn is_member(&self, v: Vert) -> bool {
+        self.interior[v]
+    }
+
+    #[inline]
+    fn are_joined(&self, _: Vert, _: Vert) -> bool {
+        true
+    }
+}
+
+/// A vertex of a region in the patch, and the way to it from the centre.
 #[derive(Clone, Copy)]
 pub(super) struct Member {
     pub vertex: Vert,
     pub offset: DVec3,
 }
 
-/// The interior vertices of the patch that are joined within it: one smooth region.
+/// The members of regions in the patch that are joined within it: one smooth region.
 #[derive(Clone)]
 pub(super) struct Cluster {
     members: Range<usize>,
@@ -41,50 +62,49 @@ impl Cluster {
 /// Finds patches one after the other in the same memory.
 #[derive(Default)]
 pub(super) struct Patch {
-    /// The interior vertices, cluster by cluster.
+    /// The members of regions, cluster by cluster.
     members: Vec<Member>,
     clusters: Vec<Cluster>,
     /// The other vertices.
     doubtful: Vec<Vert>,
+    /// Members of a region found beside another one, some of them more than once.
+    seeds: Vec<Vert>,
     known: VertexSet,
 }
 
 impl Patch {
-    /// Searches the patch of `centre`, by edges. Round an interior vertex it finds nothing but the smooth
-    /// region that the vertex belongs to.
+    /// Searches the patch of `centre`, by edges. Round a member of a region it finds nothing but that region.
     ///
     /// A region is flooded to its end as soon as the search comes upon it, so that it is found once and
-    /// whole; doubtful vertices wait until then.
-    pub fn search(&mut self, surface: &Surface, centre: Vert) {
+    /// whole; doubtful vertices wait until then, and regions that are joined to none of these even longer.
+    pub fn search(&mut self, surface: &Surface, regions: &impl Regions, centre: Vert) {
         self.members.clear();
         self.clusters.clear();
         self.doubtful.clear();
+        self.seeds.clear();
         self.known.clear();
         let slot = self.known.slot(centre);
         self.known.fill(slot, centre);
-        if surface.interior[centre] {
-            self.flood_region(surface, centre, centre);
+        if regions.is_member(centre) {
+            self.flood_region(surface, regions, centre, centre);
             return;
         }
         let reach = (REACH * surface.h).powi(2);
-        let origin = surface.mesh.point(centre);
         self.doubtful.push(centre);
         let mut next = 0;
-        while let Some(&v) = self.doubtful.get(next) {
-            for &w in surface.neighbours.of_vertex(v) {
-                let Some(slot) = self.known.free_slot(w) else { continue };
-                if surface.mesh.point(w).distance_squared(origin) > reach || self.is_full() {
-                    continue;
+        loop {
+            if let Some(&v) = self.doubtful.get(next) {
+                next += 1;
+                for &w in surface.neighbours.of_vertex(v) {
+                    self.enter(surface, regions, centre, w, reach);
                 }
-                self.known.fill(slot, w);
-                if surface.interior[w] {
-                    self.flood_region(surface, centre, w);
-                } else {
-                    self.doubtful.push(w);
-                }
+            } else if let Some(seed) = self.seeds.pop() {
+                self.enter(surface, regions, centre, seed, f64::INFINITY);
+            } else {
+                break;
             }
-            next += 1;
         }
+        self.clusters.retain(|cluster| cluster.nearest_squared <= reach);
         self.clusters.sort_unstable_by(|a, b| {
             a.nearest_squared.total_cmp(&b.nearest_squared).then(a.nearest.cmp(&b.nearest))
         });
@@ -94,9 +114,26 @@ impl Patch {
         self.members.len() + self.doubtful.len() >= MAX_MEMBERS
     }
 
-    /// Makes a cluster of the interior vertices that are joined to `seed` (known already) within reach,
-    /// and notes the doubtful vertices beside it.
-    fn flood_region(&mut self, surface: &Surface, centre: Vert, seed: Vert) {
+    /// Takes `v` into the patch, and the region that it is part of, unless it is known or farther away than
+    /// the root of `reach`.
+    #[inline]
+    fn enter(&mut self, surface: &Surface, regions: &impl Regions, centre: Vert, v: Vert, reach: f64) {
+        let Some(slot) = self.known.free_slot(v) else { return };
+        let squared = surface.mesh.point(v).distance_squared(surface.mesh.point(centre));
+        if squared > reach || self.is_full() {
+            return;
+        }
+        self.known.fill(slot, v);
+        if regions.is_member(v) {
+            self.flood_region(surface, regions, centre, v);
+        } else {
+            self.doubtful.push(v);
+        }
+    }
+
+    /// Makes a cluster of the members of regions that are joined to `seed` (known already) within reach, and
+    /// notes the other vertices beside it.
+    fn flood_region(&mut self, surface: &Surface, regions: &impl Regions, centre: Vert, seed: Vert) {
         let reach = (REACH * surface.h).powi(2);
         let reach_in_region = (REACH_IN_REGION * surface.h).powi(2);
         let origin = surface.mesh.point(centre);
@@ -110,12 +147,16 @@ impl Patch {
                 let Some(slot) = self.known.free_slot(w) else { continue };
                 let offset = surface.mesh.point(w) - origin;
                 let squared = offset.length_squared();
-                let is_interior = surface.interior[w];
-                if squared > if is_interior { reach_in_region } else { reach } || self.is_full() {
+                let is_member = regions.is_member(w);
+                if squared > if is_member { reach_in_region } else { reach } || self.is_full() {
+                    continue;
+                }
+                if is_member && !regions.are_joined(vertex, w) {
+                    self.seeds.push(w);
                     continue;
                 }
                 self.known.fill(slot, w);
-                if is_interior {
+                if is_member {
                     self.members.push(Member { vertex: w, offset });
                     if (squared, w) < (nearest_squared, nearest) {
                         (nearest, nearest_squared) = (w, squared);
@@ -221,8 +262,8 @@ mod tests {
             surface.interior[v] = interior.contains(&(v.index() / 2));
         }
         let mut patch = Patch::default();
-        patch.search(&surface, Vert::new(0));
-        patch.search(&surface, Vert::new(centre));
+        patch.search(&surface, &surface, Vert::new(0));
+        patch.search(&surface, &surface, Vert::new(centre));
         let members = |cluster: &Cluster| {
             let offset = |m: &Member| mesh.point(m.vertex) - mesh.point(Vert::new(centre)) == m.offset;
             assert!(patch.members(cluster).iter().all(offset));
@@ -272,7 +313,7 @@ mod tests {
         let mut surface = Surface::new(&m, &normals, &labels);
         (surface.h, surface.interior[Vert::new(n)]) = (1.0, false);
         let mut patch = Patch::default();
-        patch.search(&surface, Vert::new(n));
+        patch.search(&surface, &surface, Vert::new(n));
         assert_eq!(patch.members.len() + patch.doubtful.len(), MAX_MEMBERS);
         assert_eq!(patch.known.n_used, MAX_MEMBERS);
     }

@@ -31,7 +31,8 @@ const MIXED: f64 = 0.02;
 /// A new vertex goes at most this many times the split edge (a corner's: the longest edge) from the
 /// middle. At 1.5 correct acute edges pass and no spike does ...
 pub const MAX_SHIFT: f64 = 1.5;
-/// ... but where a fit is a guess or leaves a residual of more than [`POOR_RMS`] (in h) half of that.
+/// ... but where a fit is a guess or leaves a residual of more than [`POOR_RMS`] (in h), and on mixed
+/// strips, half of that.
 const MAX_SHIFT_OF_GUESS: f64 = 0.75;
 const POOR_RMS: f64 = 0.02;
 /// The limit never falls below that of an edge of this length, in h: slivers have none to speak of.
@@ -65,15 +66,28 @@ pub fn place_by_fits(mesh: &Mesh, labels: &RegionLabels, max_shift: f64) -> Plac
     inserts.moved.clone_from(&labels.moved);
     let chamfers: Vec<Half> = mesh.edges().filter(|&h| labels.chamfer_edge[h]).collect();
     let placing = Placing { mesh, labels, max_shift };
-    let mut found: Vec<_> = chamfers.par_iter().map(|&h| placing.on_edge(h)).collect();
-    found.par_extend(labels.corner_faces.par_iter().map(|&f| placing.in_corner(f)));
-    inserts.points.clear();
-    let mut outcomes = Vec::with_capacity(found.len());
-    for (point, outcome) in found {
-        inserts.points.push(point);
-        outcomes.push(outcome);
-    }
+    let mut on_edges: Vec<Found> = chamfers.par_iter().map(|&h| placing.on_edge(h)).collect();
+    let in_corners: Vec<Found> = labels.corner_faces.par_iter().map(|&f| placing.in_corner(f)).collect();
+    placing.join_corners(&inserts, &mut on_edges, &in_corners);
+    let found = || on_edges.iter().chain(&in_corners);
+    inserts.points = found().map(|found| found.point).collect();
+    let outcomes = found().map(|found| found.outcome).collect();
     Placement { inserts, outcomes }
+}
+
+/// Where a new vertex goes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Found {
+    point: DVec3,
+    outcome: Outcome,
+    /// Whether its strip is convex on one side and concave on the other.
+    is_mixed: bool,
+}
+
+impl Found {
+    fn new(point: DVec3, outcome: Outcome) -> Self {
+        Self { point, outcome, is_mixed: false }
+    }
 }
 
 struct Placing<'a> {
@@ -95,12 +109,17 @@ impl Placing<'_> {
         Plane { point: p - distance * self.labels.mean_edge * normal, normal }
     }
 
-    fn on_edge(&self, h: Half) -> (DVec3, Outcome) {
+    /// The lengths of an edge that limits are multiples of.
+    fn reach(&self, length: f64) -> f64 {
+        length.max(MIN_EDGE * self.labels.mean_edge)
+    }
+
+    fn on_edge(&self, h: Half) -> Found {
         let ends = [self.mesh.from(h), self.mesh.to(h)];
         let [a, b] = ends.map(|v| self.point(v));
         let centre = a.midpoint(b);
         let [Some(p), Some(q)] = ends.map(|v| self.labels.fits.get(v)) else {
-            return (centre, Outcome::NoNormal);
+            return Found::new(centre, Outcome::NoNormal);
         };
         let length = a.distance(b);
         let mut point = centre;
@@ -110,16 +129,45 @@ impl Placing<'_> {
                 Some((nearest, sine)) if sine >= MIN_SINE => {
                     point = centre + (nearest - centre).clamp_length_max(MAX_STEP * length);
                 }
-                _ => return (centre, Outcome::Parallel),
+                _ => return Found::new(centre, Outcome::Parallel),
             }
         }
-        if self.is_mixed([p, q], [a, b]) {
-            return (centre, Outcome::Mixed);
-        }
+        let is_mixed = self.is_mixed([p, q], [a, b]);
         let is_poor = |fit: &Fit| fit.rms > POOR_RMS || fit.source != FitSource::Region;
-        let times = if is_poor(p) || is_poor(q) { MAX_SHIFT_OF_GUESS } else { self.max_shift };
-        let limit = times * length.max(MIN_EDGE * self.labels.mean_edge);
-        if point.distance(centre) <= limit { (point, Outcome::Moved) } else { (centre, Outcome::TooFar) }
+        let is_doubtful = is_poor(p) || is_poor(q);
+        let times = if is_doubtful || is_mixed { MAX_SHIFT_OF_GUESS } else { self.max_shift };
+        let is_near = point.distance(centre) <= times * self.reach(length);
+        let outcome = match (is_mixed, is_near) {
+            (true, true) if !is_doubtful => Outcome::Moved,
+            (true, _) => Outcome::Mixed,
+            (false, true) => Outcome::Moved,
+            (false, false) => Outcome::TooFar,
+        };
+        Found { point: if outcome == Outcome::Moved { point } else { centre }, outcome, is_mixed }
+    }
+
+    /// Puts the vertices on the edges of a corner triangle onto its corner where they have no place of
+    /// their own, or one on a mixed strip; untangling then merges them.
+    fn join_corners(&self, inserts: &Inserts, on_edges: &mut [Found], in_corners: &[Found]) {
+        let mut nearest: Vec<(usize, f64, DVec3)> = Vec::new();
+        for (&f, corner) in self.labels.corner_faces.iter().zip(in_corners) {
+            for h in f.halves().into_iter().filter(|_| corner.outcome == Outcome::Moved) {
+                let i = inserts.on_edge[h].index() - self.mesh.n_verts();
+                let (a, b) = (self.point(self.mesh.from(h)), self.point(self.mesh.to(h)));
+                let distance = corner.point.distance(a.midpoint(b));
+                let has_no_place = matches!(on_edges[i].outcome, Outcome::Mixed | Outcome::TooFar);
+                if (has_no_place || on_edges[i].is_mixed)
+                    && distance <= MAX_SHIFT_OF_GUESS * self.reach(a.distance(b))
+                {
+                    nearest.push((i, distance, corner.point));
+                }
+            }
+        }
+        // Of two corners the nearer one: it comes last, and stays.
+        nearest.sort_by(|x, y| x.0.cmp(&y.0).then(y.1.total_cmp(&x.1)));
+        for (i, _, point) in nearest {
+            on_edges[i] = Found { point, outcome: Outcome::AtCorner, ..on_edges[i] };
+        }
     }
 
     fn is_mixed(&self, [p, q]: [&Fit; 2], [a, b]: [DVec3; 2]) -> bool {
@@ -131,7 +179,7 @@ impl Placing<'_> {
 
     /// Solves for the fits of the triangle's corners and, where a fourth region meets here, of the corner
     /// triangles across its edges.
-    fn in_corner(&self, f: Face) -> (DVec3, Outcome) {
+    fn in_corner(&self, f: Face) -> Found {
         let corners = self.mesh.corners(f);
         let points = corners.map(|v| self.point(v));
         let centre = points.into_iter().sum::<DVec3>() / 3.0;
@@ -153,10 +201,14 @@ impl Placing<'_> {
             let planes: Vec<Plane> = fits.iter().map(|fit| self.plane(fit, point)).collect();
             point = nearest_on_all(&planes, centre, CORNER_CUTOFF).0;
             if !point.is_finite() || point.distance(centre) > 2.0 * limit {
-                return (centre, Outcome::TooFar);
+                return Found::new(centre, Outcome::TooFar);
             }
         }
-        if point.distance(centre) <= limit { (point, Outcome::Moved) } else { (centre, Outcome::TooFar) }
+        if point.distance(centre) <= limit {
+            Found::new(point, Outcome::Moved)
+        } else {
+            Found::new(centre, Outcome::TooFar)
+        }
     }
 }
 
@@ -206,8 +258,11 @@ mod tests {
         assert_eq!(place(steep(1.5), Region).1, Outcome::Moved);
         // A guess may go half as far.
         assert_eq!(place(steep(1.5), Adopted), (middle, Outcome::TooFar));
-        // Rising at one end and falling at the other towards it.
-        assert_eq!(place([dvec3(-1., -1., 1.), dvec3(-1., -1., -1.)], Region), (middle, Outcome::Mixed));
+        // Rising at one end and falling at the other towards it: only with two good fits, and near.
+        let mixed = |slope: f64| [dvec3(-slope, -slope, 1.), dvec3(-slope, -slope, -1.)];
+        assert_eq!(place(mixed(1.0), Region).1, Outcome::Moved);
+        assert_eq!(place(mixed(1.0), Adopted), (middle, Outcome::Mixed));
+        assert_eq!(place(mixed(1.5), Region), (middle, Outcome::Mixed));
         // Nine degrees apart are parallel, and so is antiparallel.
         assert_eq!(place([DVec3::Z, dvec3(0.07, 0.07, 1.0)], Region), (middle, Outcome::Parallel));
         assert_eq!(place([DVec3::Z, -DVec3::Z], Region), (middle, Outcome::Parallel));

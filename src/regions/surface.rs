@@ -23,6 +23,8 @@ pub(super) struct Surface<'a> {
     pub red_face: PerFace<bool>,
     /// The angle of each half-edge's face at the corner that it leaves. `[3F]`
     pub angles: PerHalf<f64>,
+    /// Unit normals at the vertices, of all faces there.
+    pub normals: PerVert<DVec3>,
 }
 
 impl<'a> Surface<'a> {
@@ -34,25 +36,40 @@ impl<'a> Surface<'a> {
         let core = core_faces(mesh, &interior);
         let red_face = flood_over_smooth_edges(mesh, &labels.smooth_edge, core);
         let (h, angles) = (mean_edge_length(mesh), corner_angles(mesh));
-        Self { mesh, face_normals, h, neighbours, interior, deep, red_face, angles }
+        let normals = per_vertex(mesh, |v| vertex_normal(mesh, face_normals, &angles, v, |_| true));
+        Self { mesh, face_normals, h, neighbours, interior, deep, red_face, angles, normals }
     }
 
-    /// Vertices that are not interior, and the interior ones next to them, ascending.
+    /// Vertices that are not interior, and the interior ones next to them, ascending. None where no region
+    /// is smooth: then there is nothing to doubt by.
     pub fn doubtful(&self) -> Vec<Vert> {
+        if !self.interior.as_slice().contains(&true) {
+            return Vec::new();
+        }
         let is_doubtful = |v: &Vert| !self.deep[*v] && !self.mesh.leaving(*v).is_empty();
         self.mesh.verts().filter(is_doubtful).collect()
     }
 
-    /// Unit normal at `v`: the normals of the faces there that count, each times its angle. Zero where no
-    /// face does.
-    pub fn normal(&self, v: Vert, counts: impl Fn(Face) -> bool) -> DVec3 {
-        let faces = self.mesh.leaving(v).iter().filter(|h| counts(h.face()));
-        let weighted = |&h: &Half| self.angles[h] * self.face_normals[h.face()];
-        let sum: DVec3 = faces.map(weighted).sum();
-        let length = sum.length();
-        // Unit normals times angles: a sum of rounding errors only has no direction.
-        if length > 1e-12 { sum / length } else { DVec3::ZERO }
+    /// Unit normal at `v` of the faces there that count.
+    pub fn normal_of(&self, v: Vert, counts: impl Fn(Face) -> bool) -> DVec3 {
+        vertex_normal(self.mesh, self.face_normals, &self.angles, v, counts)
     }
+}
+
+/// Unit normal at `v`: the normals of the faces there that count, each times its angle. Zero where no face
+/// does.
+fn vertex_normal(
+    mesh: &Mesh,
+    face_normals: &PerFace<DVec3>,
+    angles: &PerHalf<f64>,
+    v: Vert,
+    counts: impl Fn(Face) -> bool,
+) -> DVec3 {
+    let faces = mesh.leaving(v).iter().filter(|h| counts(h.face()));
+    let sum: DVec3 = faces.map(|&h| angles[h] * face_normals[h.face()]).sum();
+    let length = sum.length();
+    // Unit normals times angles: a sum of rounding errors only has no direction.
+    if length > 1e-12 { sum / length } else { DVec3::ZERO }
 }
 
 /// Step 1: interior vertices, but for those in components of fewer than [`MIN_REGION`].

@@ -6,7 +6,7 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use super::super::View;
-use super::super::text::{push_number, push_whole};
+use super::super::text::{push_number, push_one_line, push_whole};
 use crate::attributes::{Attributes, Channel, Column, Statement};
 use crate::mesh::{Half, Vert};
 
@@ -77,20 +77,29 @@ pub(in super::super) fn losses(view: View) -> Vec<String> {
 fn push_head(out: &mut Vec<u8>, view: View) {
     for line in &view.attributes.head {
         out.push(b'#');
-        push_line(out, line);
+        push_one_line(out, line);
     }
     for line in &view.attributes.info {
         out.extend_from_slice(b"# ");
-        push_line(out, line);
+        push_one_line(out, line);
     }
-    for line in &view.attributes.libraries {
-        push_line(out, line);
+    for statement in &view.attributes.libraries {
+        out.extend_from_slice(closed(statement));
+        out.push(b'\n');
     }
 }
 
-fn push_line(out: &mut Vec<u8>, line: &[u8]) {
-    out.extend_from_slice(line);
-    out.push(b'\n');
+/// A statement without a backslash at its end, which would join the next line to it. Behind a `#` in the
+/// same line it would not.
+fn closed(mut statement: &[u8]) -> &[u8] {
+    while let Some(shorter) = statement.strip_suffix(b"\\") {
+        let line = shorter.rsplit(|byte| matches!(byte, b'\n' | b'\r')).next().unwrap_or_default();
+        if line.contains(&b'#') {
+            break;
+        }
+        statement = shorter.trim_ascii_end();
+    }
+    statement
 }
 
 /// The vertices with what stands behind their coordinates.
@@ -259,7 +268,7 @@ impl Faces<'_> {
 
 fn push_statement(out: &mut Vec<u8>, what: &Statement) {
     match what {
-        Statement::Text(text) => out.extend_from_slice(text),
+        Statement::Text(text) => out.extend_from_slice(closed(text)),
         Statement::Line(corners) => {
             out.push(b'l');
             for &(v, texture) in corners {

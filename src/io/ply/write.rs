@@ -3,7 +3,7 @@
 use std::borrow::Cow;
 
 use super::super::View;
-use super::super::text::push_number;
+use super::super::text::{push_number, push_one_line};
 use super::super::vertex_data::{COLOURS, byte_colours, vertex_normals};
 use crate::attributes::{Channel, Column, Encoding, Kind, Statement};
 use crate::mesh::{Half, Vert};
@@ -88,8 +88,7 @@ fn head(view: View, encoding: Encoding) -> Vec<u8> {
         if !line.first().is_none_or(u8::is_ascii_whitespace) {
             out.push(b' ');
         }
-        out.extend(line.iter().map(|&byte| if matches!(byte, b'\n' | b'\r') { b' ' } else { byte }));
-        out.push(b'\n');
+        push_one_line(&mut out, line);
     }
     out
 }

@@ -1,0 +1,426 @@
+use std::f64::consts::{PI, TAU};
+
+use approx::assert_relative_eq;
+use glam::{DQuat, DVec2, dvec3};
+use proptest::prelude::*;
+
+use super::*;
+use crate::geometry::angle_between;
+use crate::mesh::Vert;
+use crate::mesh::tests::mesh;
+use crate::tags::tags_by_dihedral;
+
+const LIMITED: BendOptions = BendOptions { is_limited: true };
+const PLAIN: BendOptions = BendOptions { is_limited: false };
+
+/// A grid of `n` columns and `m` rows of points, each cell cut along the same diagonal; the last column is
+/// joined to the first where the grid goes round.
+fn grid(n: usize, m: usize, goes_round: bool, point: impl Fn(f64, f64) -> DVec3) -> Mesh {
+    let points: Vec<[f64; 3]> =
+        (0..n * m).map(|k| point((k / m) as f64, (k % m) as f64).to_array()).collect();
+    let columns = if goes_round { n } else { n - 1 };
+    let mut faces = Vec::new();
+    for (i, j) in (0..columns).flat_map(|i| (0..m - 1).map(move |j| (i, j))) {
+        let at = |i: usize, j: usize| (i % n) * m + j;
+        faces.push([at(i, j), at(i + 1, j), at(i + 1, j + 1)]);
+        faces.push([at(i, j), at(i + 1, j + 1), at(i, j + 1)]);
+    }
+    mesh(&points, &faces)
+}
+
+fn cylinder(n: usize, m: usize) -> Mesh {
+    let circle = |i: f64| DVec2::from_angle(TAU * i / n as f64);
+    grid(n, m, true, |i, j| circle(i).extend(TAU / n as f64 * j))
+}
+
+fn bent(mesh: &Mesh, tags: &Tags, options: &BendOptions) -> Bent {
+    let bent = bend(mesh, tags, options).unwrap();
+    bent.mesh.check().unwrap();
+    bent
+}
+
+/// Points on all edges: their ends and middles.
+fn along_edges(mesh: &Mesh, edges: impl Iterator<Item = [Vert; 2]>) -> Vec<DVec3> {
+    let on = |[a, b]: [Vert; 2]| [mesh.point(a), mesh.point(b), mesh.point(a).midpoint(mesh.point(b))];
+    edges.flat_map(on).collect()
+}
+
+fn farthest_from_unit_radius(points: &[DVec3]) -> f64 {
+    points.iter().map(|p| (p.truncate().length() - 1.0).abs()).fold(0.0, f64::max)
+}
+
+/// The number of edges that fold by more than 170 degrees.
+fn n_folds(mesh: &Mesh) -> usize {
+    let normals = mesh.face_normals();
+    let is_fold = |&h: &Half| {
+        let twin = mesh.twin(h);
+        twin.is_some_and(|t| angle_between(normals[h.face()], normals[t.face()]) > 170.0 * PI / 180.0)
+    };
+    mesh.edges().filter(is_fold).count()
+}
+
+/// A drum with two sharp rims of `n` edges, and one of its lids, whose border is the rim.
+fn drum_and_lid(n: usize) -> [Mesh; 2] {
+    let circle = |i: usize, z: f64| DVec2::from_angle(TAU * i as f64 / n as f64).extend(z).to_array();
+    let rims = [1.0, -1.0].into_iter().flat_map(|z| (0..n).map(move |i| (i, z)));
+    let mut points: Vec<[f64; 3]> = rims.map(|(i, z)| circle(i, z)).collect();
+    points.extend([[0., 0., 1.], [0., 0., -1.]]);
+    let (mut lid, mut rest) = (Vec::new(), Vec::new());
+    for (i, next) in (0..n).map(|i| (i, (i + 1) % n)) {
+        lid.push([2 * n, i, next]);
+        rest.extend([[2 * n + 1, n + next, n + i], [i, n + i, n + next], [i, n + next, next]]);
+    }
+    [mesh(&points, &[lid.clone(), rest].concat()), mesh(&points, &lid)]
+}
+
+/// By how much at least the distance falls at each of three levels. Each level takes a quarter off the
+/// chords' heights, but what the first one misses the circle by stays: the limit curve of the four-point
+/// scheme through 16 points of a circle is 0.0006 off, and that is all there is to see at the third level.
+const FALLS: [(usize, [f64; 3]); 2] = [(16, [3.0, 3.0, 2.0]), (32, [3.0, 3.0, 3.0])];
+
+#[test]
+fn a_sharp_polyline_round_a_circle_comes_closer_at_each_level() {
+    for (n, falls) in FALLS {
+        for m in drum_and_lid(n) {
+            let curve = |m: &Mesh, tags: &Tags| {
+                let borders = m.edges().filter(|&h| m.is_border(h)).map(|h| [m.from(h), m.to(h)]);
+                along_edges(m, tags.sharp_edges().iter().copied().chain(borders))
+            };
+            let mut tags = tags_by_dihedral(&m, 1.0);
+            let mut m = m;
+            for fall in falls {
+                let before = farthest_from_unit_radius(&curve(&m, &tags));
+                (m, tags) = {
+                    let bent = bent(&m, &tags, &LIMITED);
+                    (bent.mesh, bent.tags)
+                };
+                let error = farthest_from_unit_radius(&curve(&m, &tags));
+                assert!(error * fall < before, "{n} edges: {error}, before {before}");
+            }
+        }
+    }
+}
+
+#[test]
+fn an_open_cylinder_comes_closer_at_each_level() {
+    for (n, falls) in FALLS {
+        let surface = |m: &Mesh| {
+            let mut points = along_edges(m, m.edges().map(|h| [m.from(h), m.to(h)]));
+            points.extend(m.face_ids().map(|f| m.triangle(f).into_iter().sum::<DVec3>() / 3.0));
+            points
+        };
+        let mut m = cylinder(n, 6);
+        for fall in falls {
+            let before = farthest_from_unit_radius(&surface(&m));
+            m = bent(&m, &Tags::default(), &LIMITED).mesh;
+            let error = farthest_from_unit_radius(&surface(&m));
+            assert!(error * fall < before, "{n} edges: {error}, before {before}");
+        }
+    }
+}
+
+#[test]
+fn a_flat_patch_stays_flat_with_its_corners_where_they_were() {
+    let uneven = |i: f64, j: f64| dvec3(i + 0.3 * (2.0 * j).sin(), j + 0.3 * (3.0 * i).cos(), 0.0);
+    let m = grid(7, 5, false, uneven);
+    let Bent { mesh: fine, .. } = bent(&m, &Tags::default(), &LIMITED);
+    assert_eq!(fine.points()[..m.n_verts()], *m.points());
+    assert!(fine.points().iter().all(|p| p.z == 0.0));
+    assert!(fine.face_normals().as_slice().iter().all(|&n| n == DVec3::Z), "no child is turned over");
+}
+
+#[test]
+fn a_cube_with_sharp_edges_stays_a_cube() {
+    let points: Vec<[f64; 3]> = (0..8).map(|k| [k & 1, k >> 1 & 1, k >> 2].map(f64::from)).collect();
+    let sides = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
+    let faces: Vec<_> = sides.iter().flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]]).collect();
+    let m = mesh(&points, &faces);
+    let tags = tags_by_dihedral(&m, 1.0);
+    assert_eq!(tags.sharp_edges().len(), 12);
+    let Bent { mesh: fine, tags, counts, lineage } = bent(&m, &tags, &LIMITED);
+    assert_eq!(counts.rules[&Rule::Midpoint], 12);
+    for f in fine.face_ids() {
+        let side = m.triangle(lineage.parents[f]);
+        let normal = crate::geometry::unit_normal(side).unwrap();
+        assert!(fine.triangle(f).iter().all(|p| (*p - side[0]).dot(normal).abs() < 1e-15));
+        assert_relative_eq!(fine.face_normals()[f].dot(normal), 1.0, epsilon = 1e-12);
+    }
+    // Each sharp edge has become two, and their common vertex is its middle.
+    assert_eq!((tags.sharp_edges().len(), tags.tagged().len()), (24, 20));
+    assert!(tags.sharp_edges().iter().all(|&[a, b]| fine.half_between(a, b).is_some()));
+    assert!(tags.tagged()[8..].iter().all(|&v| {
+        let p = fine.point(v).to_array();
+        p.iter().filter(|&&c| c == 0.5).count() == 1
+    }));
+}
+
+#[test]
+fn an_icosahedron_is_bent_by_the_weights_of_valence_five() {
+    let golden = f64::midpoint(1.0, 5f64.sqrt());
+    let corner = |a: f64, b: f64| [[0., a, b * golden], [a, b * golden, 0.], [b * golden, 0., a]];
+    let points: Vec<[f64; 3]> =
+        [(1., 1.), (1., -1.), (-1., 1.), (-1., -1.)].iter().flat_map(|&(a, b)| corner(a, b)).collect();
+    let at = |v: usize| DVec3::from(points[v]);
+    let are_near = |a: usize, b: usize| a != b && at(a).distance(at(b)) < 2.1;
+    let mut faces = Vec::new();
+    for (a, b, c) in (0..12).flat_map(|a| (a..12).flat_map(move |b| (b..12).map(move |c| (a, b, c)))) {
+        if are_near(a, b) && are_near(b, c) && are_near(c, a) {
+            let is_outward = (at(b) - at(a)).cross(at(c) - at(a)).dot(at(a)) > 0.0;
+            faces.push(if is_outward { [a, b, c] } else { [a, c, b] });
+        }
+    }
+    let m = mesh(&points, &faces);
+    assert_eq!((m.n_faces(), m.edges().count()), (20, 30));
+    let Bent { mesh: fine, counts, .. } = bent(&m, &Tags::default(), &PLAIN);
+    assert_eq!(counts.rules, BTreeMap::from([(Rule::Mean, 30)]));
+    // Of the five neighbours of p one is q, two are neighbours of q, two are not.
+    let weight = |angle: f64| (0.25 + angle.cos() + 0.5 * (2. * angle).cos()) / 5.;
+    let wish = |p: usize, q: usize| {
+        let neighbours = (0..12).filter(|&n| are_near(p, n));
+        let spoke = |n: usize| {
+            if n == q {
+                0.
+            } else if are_near(n, q) {
+                TAU / 5.
+            } else {
+                2. * TAU / 5.
+            }
+        };
+        0.75 * at(p) + neighbours.map(|n| weight(spoke(n)) * at(n)).sum::<DVec3>()
+    };
+    for (slot, h) in m.edges().enumerate() {
+        let (p, q) = (m.from(h).index(), m.to(h).index());
+        let expected = wish(p, q).midpoint(wish(q, p));
+        assert_relative_eq!(fine.points()[12 + slot].distance(expected), 0.0, epsilon = 1e-12);
+        // Nearer to the sphere than the middle of the edge is.
+        let from_sphere = |point: DVec3| (point.length() - at(0).length()).abs();
+        assert!(from_sphere(expected) < 0.5 * from_sphere(at(p).midpoint(at(q))));
+    }
+    // With its new vertices on the sphere it is smooth enough for the limiter to have no say.
+    let (mut points, faces) = fine.into_parts();
+    points.iter_mut().for_each(|p| *p = p.normalize());
+    let sphere = Mesh::new(points, faces).unwrap();
+    let (limited, plain) = [LIMITED, PLAIN].map(|options| bent(&sphere, &Tags::default(), &options)).into();
+    assert_eq!(limited.counts, plain.counts);
+    for (p, q) in limited.mesh.points().iter().zip(plain.mesh.points()) {
+        assert_relative_eq!(p.distance(*q), 0.0, epsilon = 1e-12);
+    }
+}
+
+/// Points on a cylinder, half of them moved to within a thirtieth of the opposite edge: slivers, as
+/// marching intersections makes them.
+fn slivers() -> Mesh {
+    let n = 48;
+    let is_moved = |i: f64, j: f64| ((12.9898 * i + 78.233 * j).sin() * 43758.5453).fract() > 0.0;
+    grid(n, 24, true, |i, j| {
+        let (i, j) = if is_moved(i, j) { (i + 0.97, j + 0.3) } else { (i, j) };
+        DVec2::from_angle(TAU * i / n as f64).extend(0.13 * j)
+    })
+}
+
+#[test]
+fn slivers_fold_by_the_plain_scheme_and_not_by_the_limited_one() {
+    let m = slivers();
+    let n_turned = |m: &Mesh| {
+        let outwards = |f| m.triangle(f).into_iter().sum::<DVec3>().truncate().extend(0.0);
+        let normals = m.face_normals();
+        m.face_ids().filter(|&f| normals[f].dot(outwards(f)) <= 0.0).count()
+    };
+    assert_eq!((n_folds(&m), n_turned(&m)), (0, 0));
+    let plain = bent(&m, &Tags::default(), &PLAIN).mesh;
+    assert!(n_folds(&plain) > 0 && n_turned(&plain) > 50, "{} {}", n_folds(&plain), n_turned(&plain));
+    let Bent { mesh: fine, counts, .. } = bent(&m, &Tags::default(), &LIMITED);
+    assert_eq!((n_folds(&fine), n_turned(&fine)), (0, 0));
+    assert!(counts.retreated > 0);
+    // It is nearer to the cylinder than the plain one, too.
+    let error = |m: &Mesh| {
+        let points = along_edges(m, m.edges().map(|h| [m.from(h), m.to(h)]));
+        let squares = points.iter().map(|p| (p.truncate().length() - 1.0).powi(2));
+        (squares.sum::<f64>() / points.len() as f64).sqrt()
+    };
+    assert!(error(&fine) < 0.8 * error(&plain), "{} {}", error(&fine), error(&plain));
+}
+
+#[test]
+fn slivers_on_a_plane_whose_normals_are_out_of_true_do_not_leave_it() {
+    // The vertices are a millionth off; a sliver's normal is off by a hundredth.
+    let noise = |i: f64, j: f64| 1e-6 * ((12.9898 * i + 78.233 * j).sin() * 43758.5453).fract();
+    let m = grid(12, 12, false, |i, j| {
+        let (x, y) = if noise(j, i) > 0.0 { (i + 0.9999, j + 0.9998) } else { (i, j) };
+        dvec3(x, y, noise(i, j))
+    });
+    let fine = bent(&m, &Tags::default(), &LIMITED).mesh;
+    let farthest = fine.points().iter().map(|p| p.z.abs()).fold(0.0, f64::max);
+    assert!(farthest < 3e-6, "{farthest}");
+}
+
+#[test]
+fn coordinates_that_overflow_move_nothing_out_of_place() {
+    let m = grid(5, 5, false, |i, j| 1e200 * dvec3(i, j, (i * j).sin()));
+    let fine = bent(&m, &Tags::default(), &LIMITED).mesh;
+    assert!(fine.points().iter().all(|p| p.is_finite() && p.abs().max_element() <= 4.1e200));
+}
+
+#[test]
+fn folds_that_are_there_do_not_multiply() {
+    // A sheet folded back on itself along row 2, by 179 degrees: its halves are folded, nothing else is.
+    let m = grid(
+        6,
+        5,
+        false,
+        |i, j| if j <= 2.0 { dvec3(i, j, 0.0) } else { dvec3(i, 4.0 - j, 0.01 * (j - 2.0)) },
+    );
+    assert_eq!(n_folds(&m), 5);
+    assert!(n_folds(&bent(&m, &Tags::default(), &LIMITED).mesh) <= 10);
+}
+
+#[test]
+fn noise_is_doubted_and_a_sphere_is_not() {
+    // Heights that no smooth function has, the same on every machine.
+    let noise = |i: f64, j: f64| ((12.9898 * i + 78.233 * j).sin() * 43758.5453).fract();
+    let noisy = grid(12, 12, false, |i, j| dvec3(i, j, 0.1 * noise(i, j)));
+    let counts = bent(&noisy, &Tags::default(), &LIMITED).counts;
+    let n_edges = noisy.edges().count();
+    assert!(3 * counts.doubted > n_edges, "{} of {n_edges}", counts.doubted);
+    let dome = grid(12, 12, false, |i, j| {
+        let (x, y) = (0.1 * (i - 5.5), 0.1 * (j - 5.5));
+        dvec3(x, y, (1.0 - x * x - y * y).sqrt())
+    });
+    let counts = bent(&dome, &Tags::default(), &LIMITED).counts;
+    // At its four corners the border does turn.
+    assert!(counts.doubted <= 24, "{} of {n_edges}", counts.doubted);
+    assert_eq!((counts.shortened, counts.retreated), (0, 0));
+}
+
+#[test]
+fn no_new_vertex_goes_farther_than_the_limit() {
+    let m = grid(9, 9, false, |i, j| dvec3(i, j, 3.0 * ((i * j) % 2.0)));
+    let fine = bent(&m, &Tags::default(), &LIMITED).mesh;
+    for (slot, h) in m.edges().enumerate() {
+        let middle = m.point(m.from(h)).midpoint(m.point(m.to(h)));
+        let shift = fine.points()[m.n_verts() + slot].distance(middle);
+        assert!(shift <= (MAX_SHIFT + 1e-12) * m.length(h), "{shift} of {}", m.length(h));
+    }
+}
+
+#[test]
+fn an_edge_of_three_faces_stays_one_edge() {
+    let points = [[0., 0., 0.], [0., 0., 2.], [1., 0., 1.], [-1., 1., 1.], [-1., -1., 1.]];
+    let m = mesh(&points, &[[0, 1, 2], [1, 0, 3], [0, 1, 4]]);
+    let Bent { mesh: fine, tags, .. } = bent(&m, &Tags::new([[0, 1].map(Vert::new)], []), &LIMITED);
+    assert_eq!((fine.n_verts(), fine.n_faces()), (5 + 7, 12));
+    assert_eq!(fine.defects().non_manifold_edges, 2);
+    assert_eq!(tags.sharp_edges().len(), 2);
+    assert_eq!(bent(&fine, &tags, &LIMITED).mesh.defects().non_manifold_edges, 4);
+}
+
+#[test]
+fn a_face_that_names_a_vertex_twice_stays_as_it_is() {
+    let points = [[0., 0., 0.], [1., 0., 0.], [0., 1., 0.], [1., -1., 0.]];
+    let m = mesh(&points, &[[0, 1, 1], [0, 1, 2], [1, 0, 3]]);
+    let fine = bent(&m, &Tags::default(), &LIMITED).mesh;
+    assert_eq!((fine.n_verts(), fine.n_faces()), (4 + 5, 9));
+    assert_eq!(fine.corners(crate::mesh::Face::new(0)), [0, 1, 1].map(Vert::new));
+    assert_eq!(
+        fine.edges().filter(|&h| fine.twin(h).is_some()).count(),
+        8,
+        "the two others are still joined"
+    );
+}
+
+#[test]
+fn faces_without_area_leave_no_trace() {
+    // Three points on a line, and a face on one point; their neighbours are sound.
+    let points = [[0., 0., 0.], [1., 0., 0.], [2., 0., 0.], [1., 1., 0.], [1., -1., 0.], [1., 0., 0.]];
+    let m = mesh(&points, &[[0, 2, 3], [0, 1, 2], [1, 0, 4], [2, 1, 4], [1, 5, 5]]);
+    let fine = bent(&m, &Tags::default(), &LIMITED).mesh;
+    assert!(fine.points().iter().all(|p| p.is_finite() && p.z == 0.0));
+    assert!(bent(&mesh(&[[1.; 3]; 3], &[[0, 1, 2]]), &Tags::default(), &LIMITED).mesh.n_faces() == 4);
+    assert_eq!(bent(&Mesh::default(), &Tags::default(), &LIMITED).mesh.n_faces(), 0);
+}
+
+#[test]
+fn tags_of_another_mesh_tag_nothing() {
+    let m = cylinder(8, 3);
+    let tags = Tags::new([[Vert::new(0), Vert::new(999)], [Vert::new(998), Vert::new(999)]], []);
+    assert!(bent(&m, &tags, &LIMITED).tags.sharp_edges().is_empty());
+}
+
+#[test]
+fn levels_that_do_not_fit_are_refused_with_the_figure() {
+    assert_eq!(levels_fit(100, 3, 6400), Ok(6400));
+    assert_eq!(
+        levels_fit(101, 3, 6400),
+        Err(MeshError::TooLarge { what: "faces", count: 6464, limit: 6400 })
+    );
+    assert_eq!(levels_fit(0, 99, 10), Ok(0));
+    assert_eq!(levels_fit(7, 0, 10), Ok(7));
+    let error = levels_fit(1, 99, usize::MAX).unwrap_err();
+    assert_eq!(error, MeshError::TooLarge { what: "faces", count: usize::MAX, limit: MAX_FACES });
+}
+
+#[test]
+fn the_result_is_the_same_on_one_thread_and_on_two() {
+    let m = slivers();
+    let tags = tags_by_dihedral(&m, 0.3);
+    let run = |n: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(n).build().unwrap();
+        pool.install(|| bent(&m, &tags, &LIMITED))
+    };
+    let (one, two) = (run(1), run(2));
+    assert_eq!(one.mesh.points(), two.mesh.points());
+    assert_eq!(one.mesh.faces(), two.mesh.faces());
+    assert_eq!((one.tags, one.counts), (two.tags, two.counts));
+}
+
+/// The Euler characteristic.
+fn euler(mesh: &Mesh) -> i64 {
+    mesh.n_verts() as i64 - mesh.edges().count() as i64 + mesh.n_faces() as i64
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(32))]
+
+    #[test]
+    fn bending_keeps_what_it_should_on_any_terrain(
+        heights in prop::collection::vec(-1.0..1.0f64, 48),
+        sharp in prop::collection::vec(0usize..100, 0..20),
+        goes_round: bool,
+        (axis, angle, scale) in ((-1.0..1.0, -1.0..1.0, 0.1..1.0), 0.0..TAU, 0.01..100.0),
+    ) {
+        let terrain = grid(8, 6, goes_round, |i, j| {
+            let height = heights[6 * i as usize + j as usize];
+            let out = 3.0 + height;
+            if goes_round { (out * DVec2::from_angle(TAU * i / 8.0)).extend(2.0 * j) } else { dvec3(i, j, height) }
+        });
+        let edges: Vec<Half> = terrain.edges().collect();
+        let sharp = sharp.into_iter().map(|e| edges[e % edges.len()]);
+        let tags = Tags::new(sharp.map(|h| [terrain.from(h), terrain.to(h)]), []);
+        let Bent { mesh: fine, tags: fine_tags, counts, lineage } = bent(&terrain, &tags, &LIMITED);
+
+        prop_assert_eq!(&fine.points()[..terrain.n_verts()], terrain.points());
+        prop_assert!(fine.points().iter().all(|p| p.is_finite()));
+        prop_assert_eq!(fine.n_faces(), 4 * terrain.n_faces());
+        prop_assert_eq!(euler(&fine), euler(&terrain));
+        prop_assert_eq!(fine.defects(), Default::default());
+        let n_borders = |m: &Mesh| m.halves().filter(|&h| m.is_border(h)).count();
+        prop_assert_eq!(n_borders(&fine), 2 * n_borders(&terrain));
+        prop_assert_eq!(fine_tags.sharp_edges().len(), 2 * tags.sharp_edges().len());
+        prop_assert_eq!(counts.rules.values().sum::<usize>(), edges.len());
+        // No child turns over against its parent.
+        let (normals, parents) = (fine.face_normals(), terrain.face_normals());
+        prop_assert!(fine.face_ids().all(|f| normals[f].dot(parents[lineage.parents[f]]) > 0.49));
+        prop_assert!(n_folds(&fine) <= 2 * n_folds(&terrain));
+
+        // A moved, turned and scaled mesh gives the moved, turned and scaled result.
+        let turn = DQuat::from_axis_angle(DVec3::from(axis).normalize(), angle);
+        let place = |p: &DVec3| scale * (turn * *p) + dvec3(5.0, -7.0, 11.0);
+        let placed = Mesh::new(terrain.points().iter().map(place).collect(), terrain.faces().to_vec()).unwrap();
+        let placed = bent(&placed, &tags, &LIMITED);
+        if placed.counts == counts {
+            for (p, q) in fine.points().iter().zip(placed.mesh.points()) {
+                prop_assert!(place(p).distance(*q) < 1e-9 * (1.0 + scale), "{p} {q}");
+            }
+        }
+    }
+}
