@@ -14,10 +14,12 @@
 //! In/out: `Mesh` + face normals `[F]` -> `Labels`.
 //! Cost: O(F); the angles are computed once, in parallel.
 
+use std::f64::consts::PI;
+
 use glam::DVec3;
 use rayon::prelude::*;
 
-use crate::geometry::angle_between;
+use crate::geometry::angle_between_units;
 use crate::mesh::{Face, Half, Mesh, PerFace, PerHalf, PerVert, Vert};
 
 /// Which edges count as smooth.
@@ -73,15 +75,22 @@ pub struct Labels {
 /// Colours `mesh`, whose face normals (unit, zero where there is none) are `normals` `[F]`.
 #[must_use]
 pub fn classify(mesh: &Mesh, normals: &PerFace<DVec3>, options: &ClassifyOptions) -> Labels {
-    let (threshold, smooth_edge) = smooth_edges(mesh, normals, options.threshold);
-    let mut labels = Labels { threshold, smooth_edge, ..Labels::default() };
-    filter_1_interior_of_smooth_region(mesh, options.border_is_smooth, &mut labels);
+    let mut labels = classify_interior(mesh, normals, options);
     filter_2_core_of_smooth_region(mesh, &mut labels);
     filter_3_flood_over_smooth_edges(mesh, &mut labels);
     filter_3bis_edges_that_are_sharp_already(mesh, &mut labels);
     filter_4_border_of_smooth_region(mesh, &mut labels);
     filter_5_chamfer_edges(mesh, &mut labels);
     filter_6_corner_triangles(mesh, &mut labels);
+    labels
+}
+
+/// The smooth edges and filter 1 alone: all that region fits start from. The other colours stay empty.
+#[must_use]
+pub fn classify_interior(mesh: &Mesh, normals: &PerFace<DVec3>, options: &ClassifyOptions) -> Labels {
+    let (threshold, smooth_edge) = smooth_edges(mesh, normals, options.threshold);
+    let mut labels = Labels { threshold, smooth_edge, ..Labels::default() };
+    filter_1_interior_of_smooth_region(mesh, options.border_is_smooth, &mut labels);
     labels
 }
 
@@ -94,69 +103,62 @@ const CHUNK: usize = 4096;
 /// The mean runs over edges with two faces that both have a normal; no other edge has an angle, and an
 /// edge without an angle is never smooth.
 fn smooth_edges(mesh: &Mesh, normals: &PerFace<DVec3>, threshold: SmoothThreshold) -> (f64, PerHalf<bool>) {
-    let angle = |h: Half| dihedral_angle(mesh, normals, h);
-    let chunks: Vec<Vec<f64>> = mesh
-        .faces()
-        .par_chunks(CHUNK)
-        .enumerate()
-        .map(|(i, faces)| {
-            let lowest = 3 * CHUNK * i;
-            let halves = (lowest..lowest + 3 * faces.len()).map(Half::new);
-            halves.filter(|&h| is_lower_twin(mesh, h)).map(|h| angle(h).unwrap_or(f64::NAN)).collect()
-        })
-        .collect();
     let threshold = match threshold {
         SmoothThreshold::Angle(angle) => angle,
-        SmoothThreshold::MeanTimes(factor) => {
-            let known = |angles: &Vec<f64>| {
-                angles.iter().filter(|a| !a.is_nan()).fold((0.0, 0usize), |(sum, n), a| (sum + a, n + 1))
-            };
-            let (sum, n) = chunks.iter().map(known).fold((0.0, 0), |(s, n), (t, m)| (s + t, n + m));
-            if n == 0 { 0.0 } else { factor * sum / n as f64 }
-        }
+        SmoothThreshold::MeanTimes(factor) => factor * mean_angle(mesh, normals),
     };
-    let mut smooth = PerHalf::filled(mesh.n_halves(), false);
-    let lower_twins = mesh.halves().filter(|&h| is_lower_twin(mesh, h));
-    for (h, angle) in lower_twins.zip(chunks.into_iter().flatten()) {
-        // NaN, the angle of an edge without one, is below nothing.
-        set_edge(mesh, &mut smooth, h, angle < threshold);
-    }
-    (threshold, smooth)
+    // Chords compare as their angles do. They are formed once more rather than kept: eight bytes per edge
+    // take longer to fetch.
+    let largest = if threshold <= PI { (2.0 * (0.5 * threshold).sin()).powi(2) } else { f64::INFINITY };
+    let is_smooth =
+        |h: Half| normals_beside(mesh, normals, h).is_some_and(|[n, m]| n.distance_squared(m) < largest);
+    (threshold, per_half(mesh, is_smooth))
 }
 
-fn is_lower_twin(mesh: &Mesh, h: Half) -> bool {
-    mesh.twin(h).is_some_and(|t| h < t)
+/// The mean dihedral angle of the edges that have one, in radians; 0 where none has.
+fn mean_angle(mesh: &Mesh, normals: &PerFace<DVec3>) -> f64 {
+    let sum_of = |(i, faces): (usize, &[[Vert; 3]])| {
+        let halves = (3 * CHUNK * i..3 * (CHUNK * i + faces.len())).map(Half::new);
+        let edges = halves.filter(|&h| mesh.twin(h).is_some_and(|twin| h < twin));
+        let angles = edges.filter_map(|h| dihedral_angle(mesh, normals, h));
+        angles.fold((0.0, 0), |(sum, n), angle| (sum + angle, n + 1))
+    };
+    let sums: Vec<(f64, usize)> = mesh.faces().par_chunks(CHUNK).enumerate().map(sum_of).collect();
+    let (sum, n) = sums.into_iter().fold((0.0, 0), |(s, n), (t, m)| (s + t, n + m));
+    if n == 0 { 0.0 } else { sum / n as f64 }
 }
 
 /// The angle between the normals of the two faces of an edge, in `[0, π]`; none on borders and at faces
 /// without area.
+#[inline]
 #[must_use]
 pub fn dihedral_angle(mesh: &Mesh, normals: &PerFace<DVec3>, h: Half) -> Option<f64> {
-    let (n, m) = (normals[h.face()], normals[mesh.twin(h)?.face()]);
-    (n != DVec3::ZERO && m != DVec3::ZERO).then(|| angle_between(n, m))
+    normals_beside(mesh, normals, h).map(|[n, m]| angle_between_units(n, m))
 }
 
-fn set_edge(mesh: &Mesh, flags: &mut PerHalf<bool>, h: Half, value: bool) {
-    flags[h] = value;
-    if let Some(twin) = mesh.twin(h) {
-        flags[twin] = value;
-    }
+/// The normals of the two faces of an edge, if it has two and both have one.
+#[inline]
+fn normals_beside(mesh: &Mesh, normals: &PerFace<DVec3>, h: Half) -> Option<[DVec3; 2]> {
+    let (n, m) = (normals[h.face()], normals[mesh.twin(h)?.face()]);
+    (n != DVec3::ZERO && m != DVec3::ZERO).then_some([n, m])
+}
+
+fn per_half<T: Send>(mesh: &Mesh, value: impl Fn(Half) -> T + Send + Sync) -> PerHalf<T> {
+    (0..mesh.n_halves()).into_par_iter().map(|h| value(Half::new(h))).collect::<Vec<_>>().into()
+}
+
+fn per_vertex(mesh: &Mesh, value: impl Fn(Vert) -> bool + Send + Sync) -> PerVert<bool> {
+    (0..mesh.n_verts()).into_par_iter().map(|v| value(Vert::new(v))).collect::<Vec<_>>().into()
 }
 
 /// Paints red each vertex whose edges are all smooth. A vertex without edges stays gray.
 fn filter_1_interior_of_smooth_region(mesh: &Mesh, border_is_smooth: bool, labels: &mut Labels) {
-    let mut interior = PerVert::filled(mesh.n_verts(), false);
-    for &v in mesh.faces().iter().flatten() {
-        interior[v] = true;
-    }
-    for h in mesh.edges() {
-        let passes = labels.smooth_edge[h] || (border_is_smooth && mesh.is_border(h));
-        if !passes {
-            interior[mesh.from(h)] = false;
-            interior[mesh.to(h)] = false;
-        }
-    }
-    labels.interior_vertex = interior;
+    let smooth = &labels.smooth_edge;
+    let passes = |h: Half| smooth[h] || (border_is_smooth && mesh.is_border(h));
+    labels.interior_vertex = per_vertex(mesh, |v| {
+        let leaving = mesh.leaving(v);
+        !leaving.is_empty() && leaving.iter().all(|&h| passes(h) && passes(h.prev()))
+    });
 }
 
 /// Paints red each face with a red vertex.
@@ -167,7 +169,7 @@ fn filter_2_core_of_smooth_region(mesh: &Mesh, labels: &mut Labels) {
 /// The faces with a vertex in the interior of a smooth region. `[F]`
 pub(crate) fn core_faces(mesh: &Mesh, interior_vertex: &PerVert<bool>) -> PerFace<bool> {
     let is_core = |corners: &[Vert; 3]| corners.iter().any(|&v| interior_vertex[v]);
-    mesh.faces().iter().map(is_core).collect::<Vec<_>>().into()
+    mesh.faces().par_iter().map(is_core).collect::<Vec<_>>().into()
 }
 
 /// Paints red, again and again, each face next to a red one across a smooth edge.
@@ -182,10 +184,14 @@ pub(crate) fn flood_over_smooth_edges(
     smooth_edge: &PerHalf<bool>,
     mut red: PerFace<bool>,
 ) -> PerFace<bool> {
-    let mut stack: Vec<Face> = mesh.face_ids().filter(|&f| red[f]).collect();
+    let beside = |f: Face| f.halves().into_iter().filter(|&h| smooth_edge[h]).filter_map(|h| mesh.twin(h));
+    // Nearly all faces are red from the start: the flood begins at those that are next to become it.
+    let is_next = |&f: &Face| !red[f] && beside(f).any(|twin| red[twin.face()]);
+    let mut stack: Vec<Face> = (0..mesh.n_faces()).into_par_iter().map(Face::new).filter(is_next).collect();
+    stack.iter().for_each(|&f| red[f] = true);
     while let Some(f) = stack.pop() {
-        for h in f.halves().into_iter().filter(|&h| smooth_edge[h]) {
-            if let Some(g) = mesh.twin(h).map(Half::face).filter(|&g| !red[g]) {
+        for g in beside(f).map(Half::face) {
+            if !red[g] {
                 red[g] = true;
                 stack.push(g);
             }
@@ -197,17 +203,14 @@ pub(crate) fn flood_over_smooth_edges(
 /// Tags the ends of each non-smooth edge between two red faces, and each vertex whose red faces form
 /// two or more groups joined by edges.
 fn filter_3bis_edges_that_are_sharp_already(mesh: &Mesh, labels: &mut Labels) {
-    let mut tagged = PerVert::filled(mesh.n_verts(), false);
-    let mut sharp = PerHalf::filled(mesh.n_halves(), false);
-    for h in mesh.edges().filter(|&h| !labels.smooth_edge[h] && labels.red_face[h.face()]) {
-        if mesh.twin(h).is_some_and(|t| labels.red_face[t.face()]) {
-            set_edge(mesh, &mut sharp, h, true);
-            tagged[mesh.from(h)] = true;
-            tagged[mesh.to(h)] = true;
-        }
-    }
-    for v in mesh.verts().filter(|&v| !labels.interior_vertex[v]) {
-        tagged[v] |= has_two_red_groups(mesh, &labels.red_face, v);
+    let Labels { smooth_edge, red_face, interior_vertex, .. } = &*labels;
+    let mut tagged = per_vertex(mesh, |v| !interior_vertex[v] && has_two_red_groups(mesh, red_face, v));
+    let sharp = per_half(mesh, |h| {
+        let is_red = |twin: Half| red_face[twin.face()];
+        !smooth_edge[h] && red_face[h.face()] && mesh.twin(h).is_some_and(is_red)
+    });
+    for h in mesh.halves().filter(|&h| sharp[h]) {
+        tagged[mesh.from(h)] = true; // Its twin, sharp as well, leaves the other end.
     }
     labels.sharp_edge = sharp;
     labels.tagged_vertex = tagged;
@@ -231,27 +234,21 @@ fn has_two_red_groups(mesh: &Mesh, red: &PerFace<bool>, v: Vert) -> bool {
 
 /// Paints red the edges and vertices of the red faces.
 fn filter_4_border_of_smooth_region(mesh: &Mesh, labels: &mut Labels) {
-    let mut red_edge = PerHalf::filled(mesh.n_halves(), false);
-    let mut red_vertex = labels.interior_vertex.clone();
-    for f in mesh.face_ids().filter(|&f| labels.red_face[f]) {
-        for h in f.halves() {
-            set_edge(mesh, &mut red_edge, h, true);
-            red_vertex[mesh.from(h)] = true;
-        }
-    }
-    labels.red_edge = red_edge;
-    labels.red_vertex = red_vertex;
+    labels.red_edge = red_edges(mesh, &labels.red_face);
+    labels.red_vertex = per_vertex(mesh, |v| mesh.leaving(v).iter().any(|h| labels.red_face[h.face()]));
+}
+
+/// The edges of the red faces. `[3F]`
+pub(crate) fn red_edges(mesh: &Mesh, red_face: &PerFace<bool>) -> PerHalf<bool> {
+    per_half(mesh, |h| red_face[h.face()] || mesh.twin(h).is_some_and(|twin| red_face[twin.face()]))
 }
 
 /// Paints blue each non-red edge that joins two red vertices. A border edge is never a chamfer.
 fn filter_5_chamfer_edges(mesh: &Mesh, labels: &mut Labels) {
-    let is_chamfer = |h: Half| {
-        !labels.red_edge[h]
-            && !mesh.is_border(h)
-            && labels.red_vertex[mesh.from(h)]
-            && labels.red_vertex[mesh.to(h)]
-    };
-    labels.chamfer_edge = mesh.halves().map(is_chamfer).collect::<Vec<_>>().into();
+    let Labels { red_edge, red_vertex, .. } = &*labels;
+    let is_chamfer =
+        |h: Half| !red_edge[h] && !mesh.is_border(h) && red_vertex[mesh.from(h)] && red_vertex[mesh.to(h)];
+    labels.chamfer_edge = per_half(mesh, is_chamfer);
 }
 
 /// Paints green each face with three blue edges.

@@ -8,6 +8,7 @@
 //! Cost: O(V + F) in few passes to set up and to finish, O(valence) per query and edit.
 
 use glam::DVec3;
+use rayon::prelude::*;
 
 use crate::mesh::{Face, Half, Mesh, MeshError, PerFace, PerVert, Vert};
 use crate::refine::{Inserts, Lineage, Place, Refined};
@@ -31,6 +32,8 @@ pub(crate) struct Edit<'m> {
     /// for a slot of `around`.
     slot: PerVert<u32>,
     nearby: Nearby,
+    /// Faces that edits have changed or removed, some of them more than once.
+    changed: Vec<Face>,
     around: Vec<Vec<Face>>,
     /// For each vertex the one that it was collapsed into. `NONE` while it stands.
     into: PerVert<Vert>,
@@ -57,6 +60,7 @@ impl<'m> Edit<'m> {
             faces: mesh.faces().to_vec().into(),
             slot,
             nearby,
+            changed: Vec::new(),
             around: Vec::new(),
             into: PerVert::filled(mesh.n_verts(), Vert::NONE),
         }
@@ -184,6 +188,7 @@ impl<'m> Edit<'m> {
             }
             self.faces[f] = DEAD;
         }
+        self.changed.extend(beside.iter().chain(&others));
         for &f in &others {
             self.faces[f] = self.faces[f].map(|v| if v == gone { kept } else { v });
         }
@@ -204,6 +209,7 @@ impl<'m> Edit<'m> {
                 self.list(v).push(face);
             }
             self.faces[face] = corners;
+            self.changed.push(face);
         }
     }
 
@@ -231,7 +237,18 @@ impl<'m> Edit<'m> {
         let mut lineage = Lineage::default();
         let mut parents = Vec::with_capacity(self.faces.len());
         let mut places = Vec::with_capacity(3 * self.faces.len());
-        for f in mesh.face_ids().filter(|&f| self.stands(f)) {
+        let mut done = 0;
+        for f in self.faces_to_renew().into_iter().map(Some).chain([None]) {
+            // The faces up to the next one that edits have changed stay as they are.
+            let same = done..f.map_or(self.faces.len(), Face::index);
+            faces.extend_from_slice(&self.faces.as_slice()[same.clone()]);
+            parents.extend_from_slice(&old_parents.as_slice()[same.clone()]);
+            places.extend_from_slice(&old_places.as_slice()[3 * same.start..3 * same.end]);
+            let Some(f) = f else { break };
+            done = f.index() + 1;
+            if !self.stands(f) {
+                continue;
+            }
             let (parent, corners) = (old_parents[f], self.corners(f));
             for (i, v) in corners.into_iter().enumerate() {
                 let place = if v == mesh.corners(f)[i] {
@@ -253,6 +270,15 @@ impl<'m> Edit<'m> {
         let mesh = Mesh::new(points, faces)?;
         debug_assert_eq!(mesh.check(), Ok(()));
         Ok(Edited { mesh, lineage, now, replaced })
+    }
+
+    /// The faces that edits have changed and those of inserted vertices, which get new indices; ascending.
+    fn faces_to_renew(&self) -> Vec<Face> {
+        let mut renew = owners_of_inserted(&self.refined.mesh, self.n_old);
+        renew.extend(&self.changed);
+        renew.sort_unstable();
+        renew.dedup();
+        renew
     }
 
     /// New indices `[V]`, the old vertices that are gone, and the points in their new order.
@@ -287,7 +313,7 @@ impl<'m> Edit<'m> {
     }
 }
 
-/// The faces round every vertex that edits are likely to ask for, gathered in three passes over the faces
+/// The faces round every vertex that edits are likely to ask for, gathered in passes over the faces
 /// instead of from the fans of the whole mesh: the corners of faces that share a vertex with a face that
 /// owns an inserted vertex.
 struct Nearby {
@@ -299,24 +325,25 @@ impl Nearby {
     /// The slot of each vertex, `REMOTE` for all others, and the faces by slot.
     fn gather(mesh: &Mesh, n_old: usize) -> (PerVert<u32>, Self) {
         let mut near = PerVert::filled(mesh.n_verts(), false);
-        let owns_inserted = |t: &&[Vert; 3]| t.iter().any(|v| v.index() >= n_old);
-        mesh.faces().iter().filter(owns_inserted).flatten().for_each(|&v| near[v] = true);
+        let corners = |faces: &[Face]| faces.iter().flat_map(|&f| mesh.corners(f)).collect::<Vec<_>>();
+        corners(&owners_of_inserted(mesh, n_old)).into_iter().for_each(|v| near[v] = true);
 
         let mut slot = PerVert::filled(mesh.n_verts(), REMOTE);
         let mut counts: Vec<u32> = Vec::new();
-        for &v in mesh.faces().iter().filter(|t| t.iter().any(|&v| near[v])).flatten() {
+        for v in corners(&faces_where(mesh, |v| near[v])) {
             if slot[v] == REMOTE {
                 slot[v] = counts.len() as u32;
                 counts.push(0);
             }
         }
+        let listed = faces_where(mesh, |v| slot[v] != REMOTE);
         // A face counts once at a vertex, also where it names it twice.
         let each = |t: &[Vert; 3], then: &mut dyn FnMut(u32)| {
             for i in (0..3).filter(|&i| slot[t[i]] != REMOTE && !t[..i].contains(&t[i])) {
                 then(slot[t[i]]);
             }
         };
-        mesh.faces().iter().for_each(|t| each(t, &mut |slot| counts[slot as usize] += 1));
+        listed.iter().for_each(|&f| each(&mesh.corners(f), &mut |slot| counts[slot as usize] += 1));
         let mut starts = vec![0];
         starts.extend(counts.iter().scan(0, |sum, &n| {
             *sum += n;
@@ -324,8 +351,8 @@ impl Nearby {
         }));
         let mut next = starts.clone();
         let mut faces = vec![Face::NONE; starts[counts.len()] as usize];
-        for (f, t) in mesh.face_ids().zip(mesh.faces()) {
-            each(t, &mut |slot| {
+        for f in listed {
+            each(&mesh.corners(f), &mut |slot| {
                 faces[next[slot as usize] as usize] = f;
                 next[slot as usize] += 1;
             });
@@ -337,6 +364,17 @@ impl Nearby {
         let slot = slot as usize;
         &self.faces[self.starts[slot] as usize..self.starts[slot + 1] as usize]
     }
+}
+
+/// The faces with a vertex of which `holds`, ascending.
+pub(crate) fn faces_where(mesh: &Mesh, holds: impl Fn(Vert) -> bool + Send + Sync) -> Vec<Face> {
+    let has_one = |f: &Face| mesh.corners(*f).into_iter().any(&holds);
+    (0..mesh.n_faces()).into_par_iter().map(Face::new).filter(has_one).collect()
+}
+
+/// The faces with an inserted vertex, ascending.
+fn owners_of_inserted(mesh: &Mesh, n_old: usize) -> Vec<Face> {
+    faces_where(mesh, |v| v.index() >= n_old)
 }
 
 /// Where `v` lies in `parent`: at a corner, on an edge, in the centre, or elsewhere.

@@ -1,5 +1,7 @@
 //! Pure functions on points, normals and planes. Angles are in radians.
 
+use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI};
+
 use glam::DVec3;
 use nalgebra::{Matrix3, SymmetricEigen, Vector3};
 
@@ -17,7 +19,68 @@ pub fn unit_normal([a, b, c]: [DVec3; 3]) -> Option<DVec3> {
 #[inline]
 #[must_use]
 pub fn angle_between(a: DVec3, b: DVec3) -> f64 {
-    a.cross(b).length().atan2(a.dot(b))
+    let (sine, cosine) = (a.cross(b).length(), a.dot(b));
+    if !(sine.is_finite() && cosine.is_finite()) {
+        return sine.atan2(cosine);
+    }
+    let (less, more) = if sine < cosine.abs() { (sine, cosine.abs()) } else { (cosine.abs(), sine) };
+    if more == 0.0 {
+        return 0.0;
+    }
+    let to_nearer_axis = arc_tangent(less / more);
+    let acute = if sine < cosine.abs() { to_nearer_axis } else { FRAC_PI_2 - to_nearer_axis };
+    if cosine < 0.0 { PI - acute } else { acute }
+}
+
+/// The arc tangent of `t` in [0, 1] within two units of the last place. The standard library's takes three
+/// times as long, and its last bit depends on the machine.
+///
+/// Based on: the rational approximation of S. L. Moshier's Cephes library.
+#[inline]
+fn arc_tangent(t: f64) -> f64 {
+    const P: [f64; 5] = [
+        -8.750_608_600_031_904e-1,
+        -1.615_753_718_733_365e1,
+        -7.500_855_792_314_705e1,
+        -1.228_866_684_490_136_2e2,
+        -6.485_021_904_942_025e1,
+    ];
+    const Q: [f64; 6] = [
+        1.0,
+        2.485_846_490_142_306_3e1,
+        1.650_270_098_316_988_5e2,
+        4.328_810_604_912_902_7e2,
+        4.853_903_996_359_137e2,
+        1.945_506_571_482_614e2,
+    ];
+    let (base, t) = if t > 0.66 { (FRAC_PI_4, (t - 1.0) / (t + 1.0)) } else { (0.0, t) };
+    let z = t * t;
+    let horner = |coefficients: &[f64]| coefficients.iter().fold(0.0, |sum, c| sum * z + c);
+    base + (t + t * z * horner(&P) / horner(&Q))
+}
+
+/// [`angle_between`] of unit vectors: below 15 degrees by a series, several times as fast.
+#[inline]
+#[must_use]
+pub fn angle_between_units(a: DVec3, b: DVec3) -> f64 {
+    /// Square of the chord of 15 degrees. The first term left out is below the rounding error.
+    const SERIES: f64 = 0.068;
+    let q = a.distance_squared(b);
+    if q >= SERIES {
+        return angle_between(a, b);
+    }
+    // 2 asin(chord / 2), divided by the chord: the coefficients are C(2n, n) / (16^n (2n + 1)).
+    const C: [f64; 8] = [
+        1.0,
+        1.0 / 24.0,
+        3.0 / 640.0,
+        5.0 / 7168.0,
+        35.0 / 294_912.0,
+        63.0 / 2_883_584.0,
+        231.0 / 54_525_952.0,
+        143.0 / 167_772_160.0,
+    ];
+    q.sqrt() * C.iter().rev().fold(0.0, |sum, c| sum * q + c)
 }
 
 /// The three inner angles of a triangle. A corner on two coincident points counts as a right angle,
@@ -103,7 +166,30 @@ mod tests {
     use super::*;
     use approx::assert_relative_eq;
     use glam::dvec3;
-    use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI};
+
+    #[test]
+    fn angles_are_those_of_the_standard_library() {
+        for i in 0..=3600 {
+            let (sine, cosine) = (f64::from(i) / 3600.0 * PI).sin_cos();
+            let between = angle_between(DVec3::X * 3.0, DVec3::new(cosine, sine, 0.0));
+            assert_relative_eq!(between, sine.atan2(cosine), max_relative = 1e-15);
+        }
+        assert_eq!(angle_between(DVec3::ZERO, DVec3::X), 0.0);
+        assert_eq!(angle_between(DVec3::X, DVec3::Y), FRAC_PI_2);
+        assert!(angle_between(DVec3::X, DVec3::NAN).is_nan());
+    }
+
+    #[test]
+    fn the_series_of_small_angles_is_exact() {
+        for i in 0..2000 {
+            let angle = (f64::from(i) * 0.16).to_radians().min(PI);
+            let axis = DVec3::new(1.0, f64::from(i % 7), f64::from(i % 5)).normalize();
+            let a = axis.any_orthonormal_vector();
+            let b = glam::DQuat::from_axis_angle(axis, angle) * a;
+            assert_relative_eq!(angle_between_units(a, b), angle_between(a, b), epsilon = 4e-16);
+        }
+        assert_eq!(angle_between_units(DVec3::X, DVec3::X), 0.0);
+    }
 
     #[test]
     fn a_triangle_without_area_has_no_normal() {

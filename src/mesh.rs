@@ -11,6 +11,7 @@
 use std::fmt;
 use std::ops::{Index, IndexMut};
 use std::sync::OnceLock;
+use std::sync::atomic::{AtomicU32, Ordering};
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -297,10 +298,10 @@ impl Mesh {
         Ok(Self { points: points.into(), faces: faces.into(), twins: OnceLock::new(), fans: OnceLock::new() })
     }
 
-    /// The twins, made on first use: O(F log k), k the largest number of edges at one vertex.
+    /// The twins, made on first use from the fans: O(F log k), k the largest number of edges at one vertex.
     #[inline]
     fn twins(&self) -> &Twins {
-        self.twins.get_or_init(|| pair_twins(self.n_verts(), self.faces()))
+        self.twins.get_or_init(|| pair_twins(self.faces(), self.fans()))
     }
 
     /// Number of vertices, used or not.
@@ -425,6 +426,12 @@ impl Mesh {
         !self.twins().of[h].is_some()
     }
 
+    /// Number of half-edges without a twin.
+    #[must_use]
+    pub fn n_borders(&self) -> usize {
+        self.twins().of.as_slice().par_iter().filter(|twin| !twin.is_some()).count()
+    }
+
     /// The ends of all edges without a twin, ascending, each once.
     #[must_use]
     pub fn border_verts(&self) -> Vec<Vert> {
@@ -529,7 +536,7 @@ impl Mesh {
                 return Err(format!("twins {h:?} and {t:?} do not join the same vertices"));
             }
         }
-        if *twins != pair_twins(self.n_verts(), self.faces()) {
+        if *twins != pair_twins(self.faces(), self.fans()) {
             return Err("the twins are those of another mesh".to_owned());
         }
         self.fans().check(self)
@@ -549,59 +556,102 @@ pub(crate) fn check_size(n_verts: usize, n_faces: usize) -> Result<(), MeshError
 
 /// Pairs each half-edge with the one that runs the other way, where these two are alone on their edge.
 ///
-/// Half-edges are bucketed by the lower of their two vertices (a counting sort), each bucket is sorted
-/// by the higher one: no hashing, and a vertex with very many edges costs no more than n log n.
-fn pair_twins(n_verts: usize, faces: &[[Vert; 3]]) -> Twins {
-    let mut twins = PerHalf::filled(3 * faces.len(), Half::NONE);
-    let mut defects = EdgeDefects::default();
-    let ends = |h: Half| {
-        let corners = faces[h.face().index()];
-        (corners[h.corner()], corners[(h.corner() + 1) % 3])
-    };
-
-    let mut starts = vec![0u32; n_verts + 1];
-    for corners in faces {
-        if has_repeated_vertex(corners) {
-            defects.collapsed_faces += 1;
-            continue;
-        }
-        for i in 0..3 {
-            starts[corners[i].min(corners[(i + 1) % 3]).index() + 1] += 1;
-        }
-    }
-    for v in 0..n_verts {
-        starts[v + 1] += starts[v];
-    }
-    let mut next = starts.clone();
-    let mut bucketed = vec![(Vert::NONE, Half::NONE); starts[n_verts] as usize];
-    for (f, corners) in faces.iter().enumerate() {
-        if has_repeated_vertex(corners) {
-            continue;
-        }
-        for h in Face(f as u32).halves() {
-            let (a, b) = ends(h);
-            let slot = &mut next[a.min(b).index()];
-            bucketed[*slot as usize] = (a.max(b), h);
-            *slot += 1;
-        }
-    }
-
-    for v in 0..n_verts {
-        let bucket = &mut bucketed[starts[v] as usize..starts[v + 1] as usize];
-        bucket.sort_unstable();
-        for edge in bucket.chunk_by(|x, y| x.0 == y.0) {
-            match *edge {
-                [_] => {}
-                [(_, g), (_, h)] if ends(g).0 == ends(h).1 => {
-                    twins[g] = h;
-                    twins[h] = g;
-                }
-                [_, _] => defects.misoriented_edges += 1,
-                _ => defects.non_manifold_edges += 1,
+/// The faces at a vertex hold both half-edges of all its edges, so each vertex finds the twins of the
+/// half-edges that leave it, without hashing and in parallel. A vertex with very many edges sorts them.
+fn pair_twins(faces: &[[Vert; 3]], fans: &Fans) -> Twins {
+    // Each entry is written once, at the vertex that its half-edge leaves.
+    let twins: Vec<AtomicU32> =
+        (0..3 * faces.len()).into_par_iter().map(|_| AtomicU32::new(Half::NONE.0)).collect();
+    let set = |h: Half, twin: Half| twins[h.index()].store(twin.0, Ordering::Relaxed);
+    let n_verts = fans.starts.len() - 1;
+    let defects = (0..n_verts.div_ceil(CHUNK))
+        .into_par_iter()
+        .map_init(Vec::new, |spokes, chunk| {
+            let mut defects = EdgeDefects::default();
+            for v in (CHUNK * chunk..n_verts.min(CHUNK * (chunk + 1))).map(Vert::new) {
+                pair_few(faces, v, fans.leaving(v), set)
+                    .unwrap_or_else(|| pair_many(faces, v, fans.leaving(v), spokes, set, &mut defects));
             }
+            defects
+        })
+        .reduce(EdgeDefects::default, |a, b| EdgeDefects {
+            non_manifold_edges: a.non_manifold_edges + b.non_manifold_edges,
+            misoriented_edges: a.misoriented_edges + b.misoriented_edges,
+            collapsed_faces: a.collapsed_faces + b.collapsed_faces,
+        });
+    let of = twins.into_iter().map(|twin| Half(twin.into_inner())).collect::<Vec<_>>();
+    Twins { of: of.into(), defects }
+}
+
+/// Vertices per unit of parallel work.
+const CHUNK: usize = 4096;
+
+/// A vertex with more faces takes the way of the irregular ones.
+const FEW_FACES: usize = 16;
+
+/// Finds the twins of the half-edges `leaving` `v`, if they are few, none of the faces is collapsed and none
+/// of the edges irregular; else nothing is done.
+#[inline]
+fn pair_few(faces: &[[Vert; 3]], v: Vert, leaving: &[Half], set: impl Fn(Half, Half)) -> Option<()> {
+    if leaving.len() > FEW_FACES {
+        return None;
+    }
+    let (mut to, mut from) = ([Vert::NONE; FEW_FACES], [Vert::NONE; FEW_FACES]);
+    for (i, &h) in leaving.iter().enumerate() {
+        let corners = &faces[h.face().index()];
+        (to[i], from[i]) = (corners[h.next().corner()], corners[h.prev().corner()]);
+        if to[i] == v || from[i] == v || to[i] == from[i] {
+            return None;
         }
     }
-    Twins { of: twins, defects }
+    let (to, from) = (&to[..leaving.len()], &from[..leaving.len()]);
+    let is_regular = |w: &Vert| {
+        let count = |list: &[Vert]| list.iter().map(|u| usize::from(u == w)).sum::<usize>();
+        count(to) == 1 && count(from) <= 1
+    };
+    if !to.iter().all(is_regular) {
+        return None;
+    }
+    for (&h, w) in leaving.iter().zip(to) {
+        if let Some(i) = from.iter().position(|u| u == w) {
+            set(h, leaving[i].prev());
+        }
+    }
+    Some(())
+}
+
+/// Finds the twins of the half-edges `leaving` `v`, whatever their faces are, and counts what is irregular.
+/// An irregular edge counts at its lower vertex, unless no half-edge of it leaves that one.
+fn pair_many(
+    faces: &[[Vert; 3]],
+    v: Vert,
+    leaving: &[Half],
+    spokes: &mut Vec<(Vert, bool, Half)>,
+    set: impl Fn(Half, Half),
+    defects: &mut EdgeDefects,
+) {
+    spokes.clear();
+    for &h in leaving {
+        let corners = &faces[h.face().index()];
+        if has_repeated_vertex(corners) {
+            // Counted where its lowest half-edge leaves.
+            defects.collapsed_faces += usize::from(h.corner() == 0);
+            continue;
+        }
+        spokes.push((corners[h.next().corner()], false, h));
+        spokes.push((corners[h.prev().corner()], true, h.prev()));
+    }
+    spokes.sort_unstable();
+    for edge in spokes.chunk_by(|x, y| x.0 == y.0) {
+        let n_leaving = edge.iter().filter(|spoke| !spoke.1).count();
+        let is_mine = n_leaving > 0 && (v < edge[0].0 || n_leaving == edge.len());
+        match *edge {
+            [_] => {}
+            [(_, false, h), (_, true, twin)] => set(h, twin),
+            [_, _] => defects.misoriented_edges += usize::from(is_mine),
+            _ => defects.non_manifold_edges += usize::from(is_mine),
+        }
+    }
 }
 
 /// Whether a face is no triangle at all.
@@ -763,6 +813,49 @@ pub(crate) mod tests {
     fn a_face_out_of_range_is_refused() {
         let error = Mesh::new(vec![dvec3(0., 0., 0.)], vec![[Vert::new(0), Vert::new(0), Vert::new(7)]]);
         assert_eq!(error.map(|_| ()), Err(MeshError::NoSuchVertex { face: 0, vertex: 7, vertices: 1 }));
+    }
+
+    #[test]
+    fn twins_are_those_that_a_search_of_all_pairs_finds() {
+        // A fan round vertex 0 with more faces than a vertex usually has, and faces at random over it: collapsed,
+        // doubled and misoriented ones among them.
+        let mut seed = 1u32;
+        let mut random = |n: usize| {
+            seed = seed.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            (seed >> 16) as usize % n
+        };
+        for n_random in 0..60 {
+            let mut faces: Vec<[usize; 3]> = (1..=20).map(|i| [0, i, i % 20 + 1]).collect();
+            faces.extend((0..n_random).map(|_| [0, 1, 2].map(|_| random(12))));
+            let m = mesh(&anywhere(21), &faces);
+            let (mut non_manifold, mut misoriented) = (0, 0);
+            for a in 0..21 {
+                for b in a + 1..21 {
+                    let is_sound = |h: &Half| !has_repeated_vertex(&m.corners(h.face()));
+                    let runs =
+                        |h: &Half, a: usize, b: usize| (m.from(*h).index(), m.to(*h).index()) == (a, b);
+                    let on_edge: Vec<Half> =
+                        m.halves().filter(|h| is_sound(h) && (runs(h, a, b) || runs(h, b, a))).collect();
+                    match on_edge[..] {
+                        [g, h] if m.from(g) == m.to(h) => {
+                            assert_eq!((m.twin(g), m.twin(h)), (Some(h), Some(g)));
+                            continue;
+                        }
+                        [_, _] => misoriented += 1,
+                        [_, _, ..] => non_manifold += 1,
+                        _ => {}
+                    }
+                    assert!(on_edge.iter().all(|&h| m.is_border(h)), "{a} {b}");
+                }
+            }
+            let collapsed_faces = m.faces().iter().filter(|face| has_repeated_vertex(face)).count();
+            let counts = EdgeDefects {
+                non_manifold_edges: non_manifold,
+                misoriented_edges: misoriented,
+                collapsed_faces,
+            };
+            assert_eq!(m.defects(), counts);
+        }
     }
 
     #[test]

@@ -3,7 +3,7 @@
 //! The readings differ in how chamfers are found and placed, how the result is cleaned and what counts as
 //! sharp; what they hand on is the same: labels, inserts, tags.
 
-use crate::classify::{Labels, SmoothThreshold, classify};
+use crate::classify::{Labels, SmoothThreshold, classify, classify_interior, red_edges};
 use crate::collapse::collapse_degenerate_faces;
 use crate::edit::{Edit, Edited};
 use crate::mesh::{Face, Half, Mesh, MeshError, PerHalf, PerVert, Vert};
@@ -26,7 +26,7 @@ pub(crate) fn sharpen(
     let mut seconds = std::mem::take(&mut report.seconds);
     let chamfers = find(mesh, options, &mut seconds);
     let inserts = &chamfers.placement.inserts;
-    report.found = Found::of(mesh, &chamfers.labels);
+    report.found = Found::of(&chamfers.labels);
     report.unfit.clone_from(&chamfers.unfit);
     report.changed = !inserts.is_empty();
     report.moved_vertices = inserts.moved.len();
@@ -103,9 +103,11 @@ fn unfit(mesh: &Mesh, labels: &Labels, options: &Options) -> Option<String> {
 /// Finds the chamfers of `mesh` and places their new vertices.
 fn find(mesh: &Mesh, options: &Options, seconds: &mut Seconds) -> Chamfers {
     let normals = seconds.time("normals", || mesh.face_normals());
-    let mut labels = seconds.time("classify", || classify(mesh, &normals, &options.classify_options()));
+    let colour = if options.method == Method::Regions { classify_interior } else { classify };
+    let mut labels = seconds.time("classify", || colour(mesh, &normals, &options.classify_options()));
     let unfit = unfit(mesh, &labels, options);
     if unfit.is_some() {
+        labels = classify(mesh, &normals, &options.classify_options());
         labels.chamfer_edge = PerHalf::filled(mesh.n_halves(), false);
         labels.corner_faces.clear();
         let placement = Placement { inserts: Inserts::none(mesh), outcomes: Vec::new() };
@@ -115,11 +117,13 @@ fn find(mesh: &Mesh, options: &Options, seconds: &mut Seconds) -> Chamfers {
         let placement = seconds.time("place", || place(mesh, &normals, &labels, &options.place_rules()));
         return Chamfers { labels, regions: None, placement, unfit };
     }
-    let regions = seconds.time("regions", || label_by_fits(mesh, &normals, &labels));
+    let mut regions = seconds.time("regions", || label_by_fits(mesh, &normals, &labels));
     let placement = seconds.time("place", || place_by_fits(mesh, &regions, options.max_shift()));
     labels.chamfer_edge.clone_from(&regions.chamfer_edge);
     labels.corner_faces.clone_from(&regions.corner_faces);
+    labels.red_face = std::mem::take(&mut regions.red_face);
     if options.keep_labels {
+        labels.red_edge = red_edges(mesh, &labels.red_face);
         labels.abstained = regions.abstained();
         labels.beyond_reach = regions.beyond_reach(mesh);
     }
@@ -146,12 +150,11 @@ fn clean(
     let n_old = mesh.n_verts();
     let placement = &chamfers.placement;
     let is_moved = |v: Vert| placement.outcomes[v.index() - n_old] == Outcome::Moved;
-    let faces = faces_at_inserted(&refined.mesh, n_old);
     let mut edit = Edit::new(refined, n_old);
     let created = match &chamfers.regions {
         None => {
-            report.degenerate_faces = Some(collapse_degenerate_faces(&mut edit, &faces, is_moved));
-            edges_at_inserted(&refined.mesh, &faces, n_old)
+            report.degenerate_faces = Some(collapse_degenerate_faces(&mut edit, &refined.children, is_moved));
+            edges_at_inserted(&refined.mesh, &refined.children, n_old)
         }
         Some(regions) => {
             let is_chamfer_end = chamfer_ends(mesh, &chamfers.labels);
@@ -170,11 +173,6 @@ fn clean(
     let Edited { mesh, lineage, now, replaced } = edit.finish(mesh, &placement.inserts)?;
     report.replaced_vertices = replaced.iter().map(|v| v.index()).collect();
     Ok(Cleaned { mesh, lineage, created, now })
-}
-
-fn faces_at_inserted(refined: &Mesh, n_old: usize) -> Vec<Face> {
-    let owns_inserted = |f: &Face| refined.corners(*f).iter().any(|v| v.index() >= n_old);
-    refined.face_ids().filter(owns_inserted).collect()
 }
 
 fn edges_at_inserted(refined: &Mesh, faces: &[Face], n_old: usize) -> Vec<[Vert; 2]> {
@@ -204,11 +202,11 @@ fn find_tags(mesh: &Mesh, chamfers: &Chamfers, cleaned: &Cleaned, method: Method
         }
         return Tags::between_tagged(&cleaned.mesh, &tagged);
     }
-    let is_sharp = |&h: &Half| match &chamfers.regions {
-        None => labels.sharp_edge[h],
-        Some(regions) => regions.is_sharp_already(mesh, h),
+    let old: Vec<Half> = match &chamfers.regions {
+        None => mesh.edges().filter(|&h| labels.sharp_edge[h]).collect(),
+        Some(regions) => regions.sharp_already(mesh, &labels.smooth_edge),
     };
-    let old = mesh.edges().filter(is_sharp).map(|h| [mesh.from(h), mesh.to(h)]);
+    let old = old.into_iter().map(|h| [mesh.from(h), mesh.to(h)]);
     let created = cleaned.created.iter().copied().filter(|edge| edge.iter().all(is_tagged));
     Tags::where_bent(&cleaned.mesh, old.chain(created).map(now))
 }

@@ -17,6 +17,7 @@
 //! Cost: O(F), one pass to count and one to write.
 
 use glam::DVec3;
+use rayon::prelude::*;
 
 use crate::mesh::{Face, Half, Mesh, MeshError, PerFace, PerHalf, Vert, check_size, has_repeated_vertex};
 
@@ -52,10 +53,12 @@ impl Inserts {
     ///
     /// The half-edges of a non-manifold or misoriented edge get one vertex in common, at the first of
     /// them that is split, so that the faces hang together after the split as they did before.
-    pub fn in_the_middle(mesh: &Mesh, is_split: impl Fn(Half) -> bool, faces: &[Face]) -> Self {
+    pub fn in_the_middle(mesh: &Mesh, is_split: impl Fn(Half) -> bool + Send + Sync, faces: &[Face]) -> Self {
         let mut inserts = Self::none(mesh);
         let knots = Knots::of(mesh);
-        for h in mesh.edges().filter(|&h| is_split(h)) {
+        let halves = (0..mesh.n_halves()).into_par_iter().map(Half::new);
+        let split: Vec<Half> = halves.filter(|&h| is_split(h) && mesh.edge(h) == h).collect();
+        for h in split {
             if inserts.on_edge[h].is_some() {
                 continue;
             }
@@ -181,6 +184,8 @@ pub struct Refined {
     pub creases: Vec<[Vert; 2]>,
     /// Where each inserted vertex would be in the middle of its (moved) edge or face. `[N]`
     pub middles: Vec<DVec3>,
+    /// The children of split faces, ascending. All other faces are old ones.
+    pub children: Vec<Face>,
 }
 
 /// One child triangle: its corners, and where they lie in the parent.
@@ -268,31 +273,37 @@ pub fn refine(mesh: &Mesh, inserts: &Inserts) -> Result<Refined, MeshError> {
     for &(v, point) in &inserts.moved {
         points[v.index()] = point;
     }
-    let middles = middles(mesh, inserts, &points);
+    let is_split = |f: &Face| f.halves().into_iter().any(|h| inserts.on_edge[h].is_some());
+    let split: Vec<Face> = (0..mesh.n_faces()).into_par_iter().map(Face::new).filter(is_split).collect();
+    let middles = middles(mesh, inserts, &points, &split);
     let middle = |v: Vert| match v.index().checked_sub(mesh.n_verts()) {
         Some(i) => middles[i],
         None => points[v.index()],
     };
-    let n_splits = |f: Face| f.halves().into_iter().filter(|&h| inserts.on_edge[h].is_some()).count();
-    let n_faces = mesh.face_ids().map(|f| n_splits(f) + 1).sum::<usize>() + 2 * inserts.in_face.len();
+    let n_splits = |f: &Face| f.halves().into_iter().filter(|&h| inserts.on_edge[h].is_some()).count();
+    let n_faces = mesh.n_faces() + split.iter().map(n_splits).sum::<usize>() + 2 * inserts.in_face.len();
 
     check_size(mesh.n_verts() + inserts.points.len(), n_faces)?;
     let mut faces = Vec::with_capacity(n_faces);
     let mut parents = Vec::with_capacity(n_faces);
-    let mut places = Vec::with_capacity(3 * n_faces);
+    let mut places = Vec::with_capacity(n_faces);
     let mut creases = Vec::new();
-    for f in mesh.face_ids() {
-        if f.halves().into_iter().all(|h| !inserts.on_edge[h].is_some()) {
-            faces.push(mesh.corners(f));
-            parents.push(f);
-            places.extend([Place::Corner(0), Place::Corner(1), Place::Corner(2)]);
-            continue;
-        }
+    let mut children_ids = Vec::with_capacity(n_faces - mesh.n_faces() + split.len());
+    let mut done = 0;
+    for f in split.into_iter().map(Some).chain([None]) {
+        // The faces up to the next split one stay as they are.
+        let whole = done..f.map_or(mesh.n_faces(), Face::index);
+        faces.extend_from_slice(&mesh.faces()[whole.clone()]);
+        places.extend(std::iter::repeat_n([0, 1, 2].map(Place::Corner), whole.len()));
+        parents.extend(whole.map(Face::new));
+        let Some(f) = f else { break };
+        done = f.index() + 1;
         let children = split_face(mesh, inserts, f, middle);
         for child in children.iter() {
+            children_ids.push(Face::new(faces.len()));
             faces.push(child.map(|(vertex, _)| vertex));
             parents.push(f);
-            places.extend(child.map(|(_, place)| place));
+            places.push(child.map(|(_, place)| place));
         }
         match children.len() {
             3 => creases.push([children[0][1].0, children[0][2].0]),
@@ -301,17 +312,19 @@ pub fn refine(mesh: &Mesh, inserts: &Inserts) -> Result<Refined, MeshError> {
         }
     }
     points.extend_from_slice(&inserts.points);
-    let lineage = Lineage { parents: parents.into(), corners: places.into(), foreign: Vec::new() };
+    let corners = places.into_flattened().into();
+    let lineage = Lineage { parents: parents.into(), corners, foreign: Vec::new() };
     let mesh = Mesh::new(points, faces)?;
     debug_assert_eq!(mesh.check(), Ok(()));
-    Ok(Refined { mesh, lineage, creases, middles })
+    Ok(Refined { mesh, lineage, creases, middles, children: children_ids })
 }
 
-/// Where the new vertices would be if they stayed in the middle of the (moved) old ones.
-fn middles(mesh: &Mesh, inserts: &Inserts, points: &[DVec3]) -> Vec<DVec3> {
+/// Where the new vertices would be if they stayed in the middle of the (moved) old ones. `split` are the
+/// faces that have one.
+fn middles(mesh: &Mesh, inserts: &Inserts, points: &[DVec3], split: &[Face]) -> Vec<DVec3> {
     let at = |v: Vert| points[v.index()];
     let mut middles = vec![DVec3::ZERO; inserts.points.len()];
-    for h in mesh.edges() {
+    for h in split.iter().flat_map(|f| f.halves()) {
         if inserts.on_edge[h].is_some() {
             middles[inserts.on_edge[h].index() - mesh.n_verts()] = at(mesh.from(h)).midpoint(at(mesh.to(h)));
         }

@@ -21,6 +21,7 @@ mod fits;
 mod gates;
 mod grow;
 mod label;
+mod near;
 mod patch;
 mod place;
 mod surface;
@@ -62,6 +63,8 @@ pub struct RegionLabels {
     pub interior_vertex: PerVert<bool>,
     /// Interior vertices with interior neighbours only: trusted most, never moved. `[V]`
     pub deep_vertex: PerVert<bool>,
+    /// Faces of the smooth regions: the core faces and what smooth edges join to them. `[F]`
+    pub red_face: PerFace<bool>,
     /// The fits of the doubtful vertices and of their interior neighbours.
     pub fits: VertexFits,
     /// The median residual of the region fits, in h: an estimate of the noise.
@@ -106,6 +109,16 @@ impl RegionLabels {
         mesh.edges().filter(is_beyond).collect()
     }
 
+    /// The old edges that lie on a crease already.
+    #[must_use]
+    pub fn sharp_already(&self, mesh: &Mesh, smooth_edge: &PerHalf<bool>) -> Vec<Half> {
+        // The vertices across both faces of such an edge have fits.
+        let is_edge = |&h: &Half| !smooth_edge[h] && mesh.edge(h) == h;
+        let across = |&v: &Vert| mesh.leaving(v).iter().map(|h| h.next()).filter(is_edge);
+        let verts = self.fits.verts.par_iter();
+        verts.flat_map_iter(across).filter(|&h| self.is_sharp_already(mesh, h)).collect()
+    }
+
     /// Whether the old edge of `h` lies on a crease already: the fits of the vertices across its two
     /// faces make a chamfer angle on it, and both its ends lie on both fits.
     #[must_use]
@@ -135,11 +148,12 @@ pub fn label_by_fits(mesh: &Mesh, face_normals: &PerFace<DVec3>, labels: &Labels
     let moved = if off_surface.is_likely() { place::moves(&surface, &fits, &kept) } else { Vec::new() };
     let chamfer_edge = edge_flags(mesh, &kept);
     let corner_faces = corner_faces(mesh, &chamfer_edge, &kept);
-    let Surface { h: mean_edge, interior: interior_vertex, deep: deep_vertex, .. } = surface;
+    let Surface { h: mean_edge, interior: interior_vertex, deep: deep_vertex, red_face, .. } = surface;
     RegionLabels {
         mean_edge,
         interior_vertex,
         deep_vertex,
+        red_face,
         fits,
         noise,
         candidates,

@@ -8,7 +8,7 @@ use serde::Serialize;
 use crate::bend::BendCounts;
 use crate::classify::Labels;
 use crate::collapse::CollapseCounts;
-use crate::mesh::{EdgeDefects, Mesh};
+use crate::mesh::{EdgeDefects, Mesh, PerHalf};
 use crate::options::Method;
 use crate::place::Outcome;
 use crate::regions::Verdict;
@@ -45,7 +45,7 @@ impl LeftAlone {
     /// Counts what `mesh` has of it.
     #[must_use]
     pub fn of(mesh: &Mesh) -> Self {
-        let border_edges = mesh.halves().filter(|&h| mesh.is_border(h)).count();
+        let border_edges = mesh.n_borders();
         Self { border_edges, defects: mesh.defects() }
     }
 }
@@ -68,13 +68,16 @@ pub struct Found {
 }
 
 impl Found {
-    pub(crate) fn of(mesh: &Mesh, labels: &Labels) -> Self {
+    pub(crate) fn of(labels: &Labels) -> Self {
+        let count = |flags: &[bool]| flags.iter().filter(|&&flag| flag).count();
+        // Both half-edges of a smooth or chamfer edge carry the flag: a border edge is neither.
+        let edges = |flags: &PerHalf<bool>| count(flags.as_slice()) / 2;
         Self {
             threshold_deg: labels.threshold.to_degrees(),
-            smooth_edges: mesh.edges().filter(|&h| labels.smooth_edge[h]).count(),
-            interior_vertices: labels.interior_vertex.as_slice().iter().filter(|&&red| red).count(),
-            red_faces: labels.red_face.as_slice().iter().filter(|&&red| red).count(),
-            chamfer_edges: mesh.edges().filter(|&h| labels.chamfer_edge[h]).count(),
+            smooth_edges: edges(&labels.smooth_edge),
+            interior_vertices: count(labels.interior_vertex.as_slice()),
+            red_faces: count(labels.red_face.as_slice()),
+            chamfer_edges: edges(&labels.chamfer_edge),
             corner_triangles: labels.corner_faces.len(),
         }
     }

@@ -8,6 +8,7 @@
 //! Cost: O(edges at tagged vertices).
 
 use crate::classify::dihedral_angle;
+use crate::edit::faces_where;
 use crate::geometry::{angle_between, unit_normal};
 use crate::mesh::{Face, Half, Mesh, PerHalf, PerVert, Vert};
 
@@ -59,7 +60,7 @@ impl Tags {
         candidates.tagged.iter().for_each(|&v| is_end[v] = true);
         // One pass over the faces finds those beside each candidate, without the mesh's twins.
         let mut beside: Vec<([Vert; 2], Face)> = Vec::new();
-        for f in mesh.face_ids().filter(|&f| mesh.corners(f).into_iter().filter(|&v| is_end[v]).count() > 1) {
+        for f in faces_where(mesh, |v| is_end[v]) {
             let edges = f.halves().map(|h| [mesh.from(h).min(mesh.to(h)), mesh.from(h).max(mesh.to(h))]);
             let is_candidate = |edge: &[Vert; 2]| candidates.sharp.binary_search(edge).is_ok();
             beside.extend(edges.into_iter().filter(is_candidate).map(|edge| (edge, f)));

@@ -115,6 +115,15 @@ fn polygons_that_were_not_touched_stay_polygons() {
 // are touched; 1 has no normal and gets none, 2 and 3 keep theirs.
 const ROOF: &str = "v 0 0 0\nv 0 4 0\nv 1 4 1\nv 1 0 1\nv 2 4 0\nv 2 0 0\n";
 
+/// `text` with zeros for numbers that are nothing but rounding errors.
+fn without_dust(text: &str) -> String {
+    let is_dust = |word: &str| word.parse::<f64>().is_ok_and(|number| number != 0.0 && number.abs() < 1e-15);
+    let line = |line: &str| {
+        line.split(' ').map(|word| if is_dust(word) { "0" } else { word }).collect::<Vec<_>>().join(" ")
+    };
+    text.lines().map(|text| line(text) + "\n").collect()
+}
+
 #[test]
 fn normals_at_touched_vertices_are_made_anew_and_others_kept() {
     let text = format!(
@@ -125,7 +134,7 @@ fn normals_at_touched_vertices_are_made_anew_and_others_kept() {
     let alone = "vn 0.7071067811865475 0 0.7071067811865475\n";
     let left = "vn -0.7071067811865476 0 0.7071067811865476\n";
     assert_eq!(
-        refined(&text, &[[6, 5]], &[], &[]),
+        without_dust(&refined(&text, &[[6, 5]], &[], &[])),
         format!(
             "{ROOF}v 2 2 0\nvn 0 1 0\nvn -1 0 0\nvn 0 0 1\n{right}{alone}{right}\
              f 4//3 3//1 2//2\nf 4//3 2//2 1\nf 6//5 7//6 4//3\nf 7//6 5//4 4//3\nf 4//3 5//4 3//1\n"

@@ -8,9 +8,9 @@
 //! turned too far halve their way, at the fourth objection they stay in the middle. A round reads only
 //! what the round before left, so that no order matters; it ends because ways only grow shorter.
 //!
-//! Differs, rejected: a limit from the heights of the triangles at the edge needs no rounds, but costs
-//! curved surfaces twice the gain (sphere from slivers .584 instead of .578 of the error at a quarter of
-//! the height, and folds remain).
+//! Rejected: a limit by the heights of the triangles at the edge needs no rounds, but takes from curved
+//! surfaces what it should not: at a quarter of the height 2 to 7 percentage points of the L2 error come
+//! back (cylinder mi_8k .670 instead of .604 of the error without bending), at a tenth 7 to 11.
 //! In/out: shifts `[N]` -> points `[N]`.
 //! Cost: O(F) for the first round, then only faces beside vertices that moved; about six rounds.
 
@@ -21,15 +21,17 @@ use crate::mesh::{Face, Half, Mesh, PerFace, has_repeated_vertex};
 use crate::refine::Inserts;
 use crate::stencil::Stencils;
 
-/// A child may turn this far against its parent. 60 degrees is what a face of the coarsest surface that
-/// is bent at all (45 degrees from vertex to vertex) needs, with room.
+/// A child may turn this far against its parent: 60 degrees. This is what makes the pass safe whatever the
+/// normals round about are worth; where they are worth something the next rule fires first, and without
+/// this one no figure on 31 inputs changes.
 const MAX_TURN_COS: f64 = 0.5;
 /// A child may turn this far against the surface round its parent, or as far as the parent has: 45 degrees.
-/// Slivers have normals that mean little; without this rule they turn over by and by (fandisk mi_20k with
-/// 5 % noise: 776 flipped faces, with it 389, in the middle 398).
+/// Slivers have normals of their own, and without this rule they turn over little by little (fandisk
+/// mi_20k_n05: 460 flipped faces, with it 388, in the middle 401). 20 degrees gains nothing more.
 const MAX_OFF_SURFACE_COS: f64 = std::f64::consts::FRAC_1_SQRT_2;
 /// No two children may fold by more than this on their common edge, 150 degrees, or than their parents do.
-/// A measured fold is 170 degrees: what comes near may become one at the next level.
+/// A measured fold is 170 degrees: what comes near may become one at the next level. It costs up to 0.2
+/// percentage points of L2 (cylinder mi_8k .570, without .568).
 const MAX_FOLD_COS: f64 = -0.866_025_403_784_438_6;
 
 /// What is left of a new vertex's way after so many objections.

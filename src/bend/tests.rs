@@ -242,6 +242,19 @@ fn slivers_fold_by_the_plain_scheme_and_not_by_the_limited_one() {
 }
 
 #[test]
+fn slivers_on_a_plane_whose_normals_are_out_of_true_do_not_leave_it() {
+    // The vertices are a millionth off; a sliver's normal is off by a hundredth.
+    let noise = |i: f64, j: f64| 1e-6 * ((12.9898 * i + 78.233 * j).sin() * 43758.5453).fract();
+    let m = grid(12, 12, false, |i, j| {
+        let (x, y) = if noise(j, i) > 0.0 { (i + 0.9999, j + 0.9998) } else { (i, j) };
+        dvec3(x, y, noise(i, j))
+    });
+    let fine = bent(&m, &Tags::default(), &LIMITED).mesh;
+    let farthest = fine.points().iter().map(|p| p.z.abs()).fold(0.0, f64::max);
+    assert!(farthest < 3e-6, "{farthest}");
+}
+
+#[test]
 fn coordinates_that_overflow_move_nothing_out_of_place() {
     let m = grid(5, 5, false, |i, j| 1e200 * dvec3(i, j, (i * j).sin()));
     let fine = bent(&m, &Tags::default(), &LIMITED).mesh;

@@ -121,7 +121,7 @@ impl Grown<'_> {
     }
 
     fn member(&self, v: Vert) -> Carried {
-        let (place, normal) = (self.surface.mesh.point(v), self.surface.normals[v]);
+        let (place, normal) = (self.surface.mesh.point(v), self.surface.normal(v));
         self.label(v).unwrap_or(Carried { place, normal })
     }
 

@@ -45,7 +45,7 @@ const ADOPTED_DISPLACEMENT: f64 = 0.1;
 const ADOPTED_COSINE: f64 = 0.77;
 
 /// Vertices per unit of parallel work, at least: each unit makes its own scratch memory.
-const MIN_TASK: usize = 256;
+const MIN_TASK: usize = 1024;
 
 /// Steps 3 to 5: gives each doubtful vertex the fit of the smooth region that explains it best.
 pub(super) fn explain_by_regions(surface: &Surface) -> VertexFits {
@@ -56,7 +56,7 @@ pub(super) fn explain_by_regions(surface: &Surface) -> VertexFits {
         let fit = |cluster: &Cluster| {
             let sample = |member: &Member| Sample {
                 offset: member.offset * per_h,
-                normal: surface.normals[member.vertex],
+                normal: surface.near.normals[member.near as usize],
                 trust: if surface.deep[member.vertex] { 1.0 } else { SHALLOW_TRUST },
             };
             samples.clear();
@@ -78,9 +78,13 @@ pub(super) fn explain_by_regions(surface: &Surface) -> VertexFits {
         }
         best(patch.clusters(), per_h, fit).filter(|fit| fit.displacement.abs() < EXPLAINED)
     };
+    // In the order in which they lie in memory.
+    let order: Vec<Vert> = surface.near.verts.iter().copied().filter(|&v| fits.slot[v] != u32::MAX).collect();
     let scratch = || (Patch::default(), Vec::new(), Fitter::default());
-    let found = fits.verts.par_iter().with_min_len(MIN_TASK).map_init(scratch, explain).collect();
-    fits.fits = found;
+    let found: Vec<_> = order.par_iter().with_min_len(MIN_TASK).map_init(scratch, explain).collect();
+    for (v, fit) in order.into_iter().zip(found) {
+        fits.fits[fits.slot[v] as usize] = fit;
+    }
     fits
 }
 
@@ -129,7 +133,7 @@ pub(super) fn explain_by_leftovers(surface: &Surface, fits: &mut VertexFits, max
             let ring = ring_start..members.len();
             ring_start = members.len();
             for i in ring {
-                for &w in surface.neighbours.of_vertex(members[i]) {
+                for w in surface.neighbours(members[i]) {
                     if is_left(w) && !members.contains(&w) {
                         members.push(w);
                     }
@@ -169,8 +173,8 @@ pub(super) fn adopt_from_neighbours(surface: &Surface, fits: &mut VertexFits) {
     explain_the_rest(surface, fits, |(), fits, v| {
         let point = surface.mesh.point(v);
         let mut nearest: Option<(f64, Fit)> = None;
-        let handed_on = |w: &Vert| fits.get(*w).filter(|fit| fit.source != FitSource::Paper);
-        for fit in surface.neighbours.of_vertex(v).iter().filter_map(handed_on) {
+        let handed_on = |w: Vert| fits.get(w).filter(|fit| fit.source != FitSource::Paper);
+        for fit in surface.neighbours(v).filter_map(handed_on) {
             let (distance, normal) = fit.evaluate(point, surface.h);
             let distance = distance.abs();
             let follows = |h: &crate::mesh::Half| surface.face_normals[h.face()].dot(normal) > ADOPTED_COSINE;
@@ -216,6 +220,7 @@ pub(super) mod tests {
     use super::*;
     use crate::mesh::tests::mesh;
     use crate::mesh::{Mesh, PerFace, PerVert};
+    use crate::regions::near::Near;
     use crate::regions::tests::{cut_cube, labels, planes};
     use FitSource::{Adopted, Leftover, Paper, Region};
     use approx::assert_relative_eq;
@@ -228,6 +233,7 @@ pub(super) mod tests {
         surface.interior = PerVert::filled(mesh.n_verts(), false);
         surface.deep = surface.interior.clone();
         surface.red_face = PerFace::filled(mesh.n_faces(), false);
+        surface.near = Near::around(&surface, &mesh.verts().collect::<Vec<_>>());
         surface
     }
 

@@ -5,13 +5,14 @@ use std::ops::Range;
 use glam::DVec3;
 
 use super::Surface;
+use super::near::Near;
 use crate::mesh::Vert;
 
 /// Every vertex this far (in h) from the centre is in the patch. By distance and not by rings: on slivers
 /// rings mean nothing (error ratio 1.5 h .377, 2.2 h .264, 3 h .169).
 const REACH: f64 = 3.0;
 /// Within a smooth region the patch goes on to this distance (in h), so that fits rest on enough samples.
-const REACH_IN_REGION: f64 = 4.5;
+pub(super) const REACH_IN_REGION: f64 = 4.5;
 /// A patch of evenly spaced vertices has some 80 of them, one full of slivers 300. More are of no use, and
 /// a mesh with most of its vertices in one place would take time in the square of their number.
 pub(super) const MAX_MEMBERS: usize = 1024;
@@ -41,6 +42,8 @@ impl Regions for Surface<'_> {
 #[derive(Clone, Copy)]
 pub(super) struct Member {
     pub vertex: Vert,
+    /// Its number among the near vertices.
+    pub near: u32,
     pub offset: DVec3,
 }
 
@@ -65,11 +68,11 @@ pub(super) struct Patch {
     /// The members of regions, cluster by cluster.
     members: Vec<Member>,
     clusters: Vec<Cluster>,
-    /// The other vertices.
-    doubtful: Vec<Vert>,
-    /// Members of a region found beside another one, some of them more than once.
-    seeds: Vec<Vert>,
-    known: VertexSet,
+    /// The other vertices, by their numbers among the near ones.
+    doubtful: Vec<u32>,
+    /// Members of a region found beside another one, some of them more than once, by their numbers.
+    seeds: Vec<u32>,
+    known: Stamps,
 }
 
 impl Patch {
@@ -82,10 +85,11 @@ impl Patch {
         self.clusters.clear();
         self.doubtful.clear();
         self.seeds.clear();
-        self.known.clear();
-        let slot = self.known.slot(centre);
-        self.known.fill(slot, centre);
-        if regions.is_member(centre) {
+        self.known.clear(surface.near.verts.len());
+        let member = regions.is_member(centre);
+        let centre = surface.near.of[centre];
+        self.known.insert(centre);
+        if member {
             self.flood_region(surface, regions, centre, centre);
             return;
         }
@@ -95,7 +99,7 @@ impl Patch {
         loop {
             if let Some(&v) = self.doubtful.get(next) {
                 next += 1;
-                for &w in surface.neighbours.of_vertex(v) {
+                for &w in surface.near.neighbours(v) {
                     self.enter(surface, regions, centre, w, reach);
                 }
             } else if let Some(seed) = self.seeds.pop() {
@@ -117,14 +121,17 @@ impl Patch {
     /// Takes `v` into the patch, and the region that it is part of, unless it is known or farther away than
     /// the root of `reach`.
     #[inline]
-    fn enter(&mut self, surface: &Surface, regions: &impl Regions, centre: Vert, v: Vert, reach: f64) {
-        let Some(slot) = self.known.free_slot(v) else { return };
-        let squared = surface.mesh.point(v).distance_squared(surface.mesh.point(centre));
+    fn enter(&mut self, surface: &Surface, regions: &impl Regions, centre: u32, v: u32, reach: f64) {
+        let Near { points, verts, .. } = &surface.near;
+        if self.known.contains(v) {
+            return;
+        }
+        let squared = points[v as usize].distance_squared(points[centre as usize]);
         if squared > reach || self.is_full() {
             return;
         }
-        self.known.fill(slot, v);
-        if regions.is_member(v) {
+        self.known.insert(v);
+        if regions.is_member(verts[v as usize]) {
             self.flood_region(surface, regions, centre, v);
         } else {
             self.doubtful.push(v);
@@ -133,36 +140,40 @@ impl Patch {
 
     /// Makes a cluster of the members of regions that are joined to `seed` (known already) within reach, and
     /// notes the other vertices beside it.
-    fn flood_region(&mut self, surface: &Surface, regions: &impl Regions, centre: Vert, seed: Vert) {
+    fn flood_region(&mut self, surface: &Surface, regions: &impl Regions, centre: u32, seed: u32) {
+        let Near { points, verts, .. } = &surface.near;
         let reach = (REACH * surface.h).powi(2);
         let reach_in_region = (REACH_IN_REGION * surface.h).powi(2);
-        let origin = surface.mesh.point(centre);
-        let offset = surface.mesh.point(seed) - origin;
+        let origin = points[centre as usize];
+        let offset = points[seed as usize] - origin;
         let first = self.members.len();
         let mut next = first;
-        let (mut nearest, mut nearest_squared) = (seed, offset.length_squared());
-        self.members.push(Member { vertex: seed, offset });
-        while let Some(&Member { vertex, .. }) = self.members.get(next) {
-            for &w in surface.neighbours.of_vertex(vertex) {
-                let Some(slot) = self.known.free_slot(w) else { continue };
-                let offset = surface.mesh.point(w) - origin;
+        let (mut nearest, mut nearest_squared) = (verts[seed as usize], offset.length_squared());
+        self.members.push(Member { vertex: nearest, near: seed, offset });
+        while let Some(&Member { vertex, near, .. }) = self.members.get(next) {
+            for &i in surface.near.neighbours(near) {
+                if self.known.contains(i) {
+                    continue;
+                }
+                let offset = points[i as usize] - origin;
                 let squared = offset.length_squared();
+                let w = verts[i as usize];
                 let is_member = regions.is_member(w);
                 if squared > if is_member { reach_in_region } else { reach } || self.is_full() {
                     continue;
                 }
                 if is_member && !regions.are_joined(vertex, w) {
-                    self.seeds.push(w);
+                    self.seeds.push(i);
                     continue;
                 }
-                self.known.fill(slot, w);
+                self.known.insert(i);
                 if is_member {
-                    self.members.push(Member { vertex: w, offset });
+                    self.members.push(Member { vertex: w, near: i, offset });
                     if (squared, w) < (nearest_squared, nearest) {
                         (nearest, nearest_squared) = (w, squared);
                     }
                 } else {
-                    self.doubtful.push(w);
+                    self.doubtful.push(i);
                 }
             }
             next += 1;
@@ -182,61 +193,30 @@ impl Patch {
     }
 }
 
-/// A small set of vertices: open addressing, at most half full.
-struct VertexSet {
-    slots: Vec<Vert>,
-    n_used: usize,
+/// A set of numbers that is emptied at no cost: those are in it that carry the present stamp.
+#[derive(Default)]
+struct Stamps {
+    stamps: Vec<u32>,
+    present: u32,
 }
 
-impl Default for VertexSet {
-    fn default() -> Self {
-        Self { slots: vec![Vert::NONE; 512], n_used: 0 }
-    }
-}
-
-impl VertexSet {
-    fn clear(&mut self) {
-        self.slots.fill(Vert::NONE);
-        self.n_used = 0;
-    }
-
-    /// The slot that holds `v`, or the free one where it belongs.
-    #[inline]
-    fn slot(&self, v: Vert) -> usize {
-        let mask = self.slots.len() - 1;
-        // Fibonacci hashing: neighbouring indices are spread over the table.
-        let mut slot = (v.index().wrapping_mul(0x9E37_79B9) >> 8) & mask;
-        while self.slots[slot] != v && self.slots[slot].is_some() {
-            slot = (slot + 1) & mask;
+impl Stamps {
+    /// Empties the set, and makes room for numbers below `n`.
+    fn clear(&mut self, n: usize) {
+        if self.stamps.len() != n || self.present == u32::MAX {
+            *self = Self { stamps: vec![0; n], present: 0 };
         }
-        slot
+        self.present += 1;
     }
 
-    /// Where `v` belongs, if it is not in the set.
     #[inline]
-    fn free_slot(&self, v: Vert) -> Option<usize> {
-        let slot = self.slot(v);
-        (!self.slots[slot].is_some()).then_some(slot)
+    fn contains(&self, i: u32) -> bool {
+        self.stamps[i as usize] == self.present
     }
 
-    /// Puts `v` into its free slot.
     #[inline]
-    fn fill(&mut self, slot: usize, v: Vert) {
-        self.slots[slot] = v;
-        self.n_used += 1;
-        if 2 * self.n_used > self.slots.len() {
-            self.grow();
-        }
-    }
-
-    fn grow(&mut self) {
-        let larger = vec![Vert::NONE; 2 * self.slots.len()];
-        for v in std::mem::replace(&mut self.slots, larger) {
-            if v.is_some() {
-                let slot = self.slot(v);
-                self.slots[slot] = v;
-            }
-        }
+    fn insert(&mut self, i: u32) {
+        self.stamps[i as usize] = self.present;
     }
 }
 
@@ -261,6 +241,7 @@ pub(super) mod tests {
         for v in mesh.verts() {
             surface.interior[v] = interior.contains(&(v.index() / 2));
         }
+        surface.near = Near::around(&surface, &mesh.verts().collect::<Vec<_>>());
         let mut patch = Patch::default();
         patch.search(&surface, &surface, Vert::new(0));
         patch.search(&surface, &surface, Vert::new(centre));
@@ -344,9 +325,13 @@ pub(super) mod tests {
         let (_, labels) = labels(&m);
         let mut surface = Surface::new(&m, &normals, &labels);
         (surface.h, surface.interior[Vert::new(n)]) = (1.0, false);
+        surface.near = Near::around(&surface, &m.verts().collect::<Vec<_>>());
         let mut patch = Patch::default();
         patch.search(&surface, &surface, Vert::new(n));
         assert_eq!(patch.members.len() + patch.doubtful.len(), MAX_MEMBERS);
-        assert_eq!(patch.known.n_used, MAX_MEMBERS);
+        assert_eq!(
+            (0..surface.near.verts.len() as u32).filter(|&i| patch.known.contains(i)).count(),
+            MAX_MEMBERS
+        );
     }
 }

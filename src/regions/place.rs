@@ -44,7 +44,7 @@ const CORNER_CUTOFF: f64 = 0.1;
 /// belong.
 pub(super) fn moves(surface: &Surface, fits: &VertexFits, chamfers: &[Half]) -> Vec<(Vert, DVec3)> {
     let mut zone = ends_of(surface.mesh, chamfers);
-    let neighbours: Vec<Vert> = zone.iter().flat_map(|&v| surface.neighbours.of_vertex(v)).copied().collect();
+    let neighbours: Vec<Vert> = zone.iter().flat_map(|&v| surface.neighbours(v)).collect();
     zone.extend(neighbours);
     zone.sort_unstable();
     zone.dedup();
@@ -217,6 +217,7 @@ mod tests {
     use super::*;
     use crate::mesh::tests::mesh;
     use crate::mesh::{PerHalf, PerVert};
+    use crate::regions::near::Near;
     use crate::regions::tests::planes;
     use FitSource::{Adopted, Region};
     use glam::dvec3;
@@ -331,6 +332,7 @@ mod tests {
         let mut surface = Surface::new(&m, &normals, &labels);
         surface.h = 2.0;
         surface.deep = PerVert::filled(4, false);
+        surface.near = Near::around(&surface, &m.verts().collect::<Vec<_>>());
         surface.deep[Vert::new(3)] = true;
         let list = [(0, DVec3::Z, 0.1, Region), (1, DVec3::Z, 0.1, Adopted), (2, DVec3::Z, 0.002, Region)];
         let mut list = list.to_vec();

@@ -4,8 +4,10 @@
 use glam::DVec3;
 use rayon::prelude::*;
 
+use super::near::Near;
 use crate::classify::{Labels, core_faces, flood_over_smooth_edges};
-use crate::mesh::{Face, Half, Mesh, PerFace, PerHalf, PerVert, Vert};
+use crate::geometry::angle_between;
+use crate::mesh::{Face, Half, Mesh, PerFace, PerVert, Vert};
 
 /// A smooth region with fewer interior vertices than this is none: on marching-cubes meshes they are
 /// slanted chamfer vertices. Measured: 3 as good as 4; 1 (no minimum), 6 and 10 worse.
@@ -17,27 +19,22 @@ pub(super) struct Surface<'a> {
     pub face_normals: &'a PerFace<DVec3>,
     /// Mean edge length.
     pub h: f64,
-    pub neighbours: Neighbours,
     pub interior: PerVert<bool>,
     pub deep: PerVert<bool>,
     pub red_face: PerFace<bool>,
-    /// The angle of each half-edge's face at the corner that it leaves. `[3F]`
-    pub angles: PerHalf<f64>,
-    /// Unit normals at the vertices, of all faces there.
-    pub normals: PerVert<DVec3>,
+    pub near: Near,
 }
 
 impl<'a> Surface<'a> {
     pub fn new(mesh: &'a Mesh, face_normals: &'a PerFace<DVec3>, labels: &Labels) -> Self {
-        let neighbours = Neighbours::of(mesh);
-        let interior = interior_of_large_regions(mesh, &neighbours, &labels.interior_vertex);
-        let is_deep = |v: Vert| interior[v] && neighbours.of_vertex(v).iter().all(|&w| interior[w]);
-        let deep = per_vertex(mesh, is_deep);
+        let (interior, deep) = interior_and_deep(mesh, &labels.interior_vertex);
         let core = core_faces(mesh, &interior);
         let red_face = flood_over_smooth_edges(mesh, &labels.smooth_edge, core);
-        let (h, angles) = (mean_edge_length(mesh), corner_angles(mesh));
-        let normals = per_vertex(mesh, |v| vertex_normal(mesh, face_normals, &angles, v, |_| true));
-        Self { mesh, face_normals, h, neighbours, interior, deep, red_face, angles, normals }
+        let h = mean_edge_length(mesh);
+        let near = Near::default();
+        let mut surface = Self { mesh, face_normals, h, interior, deep, red_face, near };
+        surface.near = Near::around(&surface, &surface.doubtful());
+        surface
     }
 
     /// Vertices that are not interior, and the interior ones next to them, ascending. None where no region
@@ -47,12 +44,23 @@ impl<'a> Surface<'a> {
             return Vec::new();
         }
         let is_doubtful = |v: &Vert| !self.deep[*v] && !self.mesh.leaving(*v).is_empty();
-        self.mesh.verts().filter(is_doubtful).collect()
+        (0..self.mesh.n_verts()).into_par_iter().map(Vert::new).filter(is_doubtful).collect()
+    }
+
+    /// The vertices that share an edge with `v`, which is doubtful, each once.
+    pub fn neighbours(&self, v: Vert) -> impl Iterator<Item = Vert> + '_ {
+        self.near.neighbours(self.near.of[v]).iter().map(|&w| self.near.verts[w as usize])
+    }
+
+    /// Unit normal at `v`, which is near, of all faces there.
+    #[inline]
+    pub fn normal(&self, v: Vert) -> DVec3 {
+        self.near.normals[self.near.of[v] as usize]
     }
 
     /// Unit normal at `v` of the faces there that count.
     pub fn normal_of(&self, v: Vert, counts: impl Fn(Face) -> bool) -> DVec3 {
-        vertex_normal(self.mesh, self.face_normals, &self.angles, v, counts)
+        vertex_normal(self.mesh, self.face_normals, v, counts)
     }
 }
 
@@ -61,49 +69,82 @@ impl<'a> Surface<'a> {
 fn vertex_normal(
     mesh: &Mesh,
     face_normals: &PerFace<DVec3>,
-    angles: &PerHalf<f64>,
     v: Vert,
     counts: impl Fn(Face) -> bool,
 ) -> DVec3 {
     let faces = mesh.leaving(v).iter().filter(|h| counts(h.face()));
-    let sum: DVec3 = faces.map(|&h| angles[h] * face_normals[h.face()]).sum();
+    let sum: DVec3 = faces.map(|&h| corner_angle(mesh, h) * face_normals[h.face()]).sum();
     let length = sum.length();
     // Unit normals times angles: a sum of rounding errors only has no direction.
     if length > 1e-12 { sum / length } else { DVec3::ZERO }
 }
 
-/// Step 1: interior vertices, but for those in components of fewer than [`MIN_REGION`].
-fn interior_of_large_regions(
-    mesh: &Mesh,
-    neighbours: &Neighbours,
-    interior: &PerVert<bool>,
-) -> PerVert<bool> {
-    let is_in_large_region = |v: Vert| {
-        let mut found = [v; MIN_REGION];
-        let mut n_found = 1;
-        let mut next = 0;
-        while next < n_found && n_found < MIN_REGION {
-            for &w in neighbours.of_vertex(found[next]).iter().filter(|&&w| interior[w]) {
-                if n_found < MIN_REGION && !found[..n_found].contains(&w) {
-                    found[n_found] = w;
-                    n_found += 1;
-                }
-            }
-            next += 1;
+/// Step 1: interior vertices, but for those in components of fewer than [`MIN_REGION`]; and step 2: those of
+/// them with interior neighbours only.
+fn interior_and_deep(mesh: &Mesh, interior: &PerVert<bool>) -> (PerVert<bool>, PerVert<bool>) {
+    // The others are few: what is next to them is found faster than what is not.
+    let others: Vec<Vert> = filter_verts(mesh, |v| !interior[v]);
+    let mut deep = interior.clone();
+    let mut round = Vec::new();
+    let mut beside = Vec::new();
+    for &v in &others {
+        for &w in neighbours(mesh, v, &mut round) {
+            beside.extend(std::mem::replace(&mut deep[w], false).then_some(w));
         }
-        n_found == MIN_REGION
-    };
-    per_vertex(mesh, |v| interior[v] && is_in_large_region(v))
+    }
+    // With all neighbours of at least three being interior, four vertices are.
+    beside.extend(filter_verts(mesh, |v| deep[v] && mesh.leaving(v).len() < MIN_REGION - 1));
+    let small = beside.into_par_iter().filter(|&v| !is_in_large_region(mesh, interior, v));
+    let mut interior = interior.clone();
+    for v in small.collect::<Vec<_>>() {
+        (interior[v], deep[v]) = (false, false);
+    }
+    (interior, deep)
 }
 
-pub(super) fn per_vertex<T: Send>(mesh: &Mesh, value: impl Fn(Vert) -> T + Send + Sync) -> PerVert<T> {
-    let verts = (0..mesh.n_verts()).into_par_iter().map(Vert::new);
-    verts.map(value).collect::<Vec<_>>().into()
+fn is_in_large_region(mesh: &Mesh, interior: &PerVert<bool>, v: Vert) -> bool {
+    let mut round = Vec::new();
+    let mut found = [v; MIN_REGION];
+    let mut n_found = 1;
+    let mut next = 0;
+    while next < n_found && n_found < MIN_REGION {
+        for &w in neighbours(mesh, found[next], &mut round).iter().filter(|&&w| interior[w]) {
+            if n_found < MIN_REGION && !found[..n_found].contains(&w) {
+                found[n_found] = w;
+                n_found += 1;
+            }
+        }
+        next += 1;
+    }
+    n_found == MIN_REGION
+}
+
+fn filter_verts(mesh: &Mesh, holds: impl Fn(Vert) -> bool + Send + Sync) -> Vec<Vert> {
+    (0..mesh.n_verts()).into_par_iter().map(Vert::new).filter(|&v| holds(v)).collect()
+}
+
+/// The vertices that share an edge with `v`, each once, put into `round`.
+pub(super) fn neighbours<'r>(mesh: &Mesh, v: Vert, round: &'r mut Vec<Vert>) -> &'r [Vert] {
+    round.clear();
+    let mut is_closed = true;
+    for &h in mesh.leaving(v) {
+        round.push(mesh.to(h));
+        if mesh.is_border(h) || mesh.is_border(h.prev()) {
+            round.push(mesh.opposite(h));
+            is_closed = false;
+        }
+    }
+    if !is_closed {
+        round.sort_unstable();
+        round.dedup();
+        round.retain(|&w| w != v);
+    }
+    round
 }
 
 /// Faces per unit of parallel work. Sums are formed per chunk and added in order, so that they do not
 /// depend on the number of threads.
-const CHUNK: usize = 4096;
+pub(super) const CHUNK: usize = 4096;
 
 /// Mean length over all edges; 0 without edges.
 fn mean_edge_length(mesh: &Mesh) -> f64 {
@@ -122,59 +163,17 @@ fn mean_edge_length(mesh: &Mesh) -> f64 {
     if n == 0 { 0.0 } else { sum / n as f64 }
 }
 
-/// The angle of each face at each of its corners, in radians; what a face without area has does not
-/// matter. `[3F]`
-fn corner_angles(mesh: &Mesh) -> PerHalf<f64> {
-    let angles = |corners: &[Vert; 3]| {
-        let [a, b, c] = corners.map(|v| mesh.point(v));
-        let (ab, bc, ca) = (b - a, c - b, a - c);
-        let twice_area = ab.cross(ca).length();
-        let (at_a, at_b) = (twice_area.atan2(-ab.dot(ca)), twice_area.atan2(-ab.dot(bc)));
-        [at_a, at_b, std::f64::consts::PI - at_a - at_b]
-    };
-    let nested: Vec<[f64; 3]> = mesh.faces().par_iter().map(angles).collect();
-    nested.into_flattened().into()
-}
-
-/// The vertices that share an edge with each vertex, ascending, each once.
-pub(super) struct Neighbours {
-    starts: Vec<u32>,
-    verts: Vec<Vert>,
-}
-
-impl Neighbours {
-    fn of(mesh: &Mesh) -> Self {
-        let mut starts = Vec::with_capacity(mesh.n_verts() + 1);
-        let mut verts: Vec<Vert> = Vec::with_capacity(mesh.n_halves() + mesh.n_halves() / 16);
-        starts.push(0);
-        let mut round = Vec::new();
-        for v in mesh.verts() {
-            round.clear();
-            for &h in mesh.leaving(v) {
-                round.push(mesh.to(h));
-                if mesh.is_border(h.prev()) {
-                    round.push(mesh.from(h.prev()));
-                }
-            }
-            round.sort_unstable();
-            round.dedup();
-            verts.extend(round.iter().filter(|&&w| w != v));
-            starts.push(verts.len() as u32);
-        }
-        Self { starts, verts }
-    }
-
-    #[inline]
-    pub fn of_vertex(&self, v: Vert) -> &[Vert] {
-        &self.verts[self.starts[v.index()] as usize..self.starts[v.index() + 1] as usize]
-    }
+/// The angle of the face of `h` at the corner that it leaves, in radians; what a face without area has does
+/// not matter.
+fn corner_angle(mesh: &Mesh, h: Half) -> f64 {
+    let apex = mesh.point(mesh.from(h));
+    angle_between(mesh.point(mesh.to(h)) - apex, mesh.point(mesh.opposite(h)) - apex)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::mesh::tests::mesh;
-    use crate::regions::tests::cut_cube;
 
     // 0---1---2   5---6     Two regions of interior vertices: three vertices are none, four are one.
     //  `-_|_-´     `-7|
@@ -184,8 +183,9 @@ mod tests {
         let m = mesh(&[[0.0; 3]; 8], &[[0, 3, 1], [1, 3, 2], [4, 7, 6], [5, 6, 7]]);
         let mut interior = PerVert::filled(8, true);
         interior[Vert::new(4)] = false;
-        let large = interior_of_large_regions(&m, &Neighbours::of(&m), &interior);
+        let (large, deep) = interior_and_deep(&m, &interior);
         assert_eq!(large.as_slice(), [true, true, true, true, false, false, false, false]);
+        assert_eq!(deep, large, "none of the four is next to another one");
     }
 
     // 3---2    Edge 0-2 has two faces, all others one.
@@ -194,18 +194,9 @@ mod tests {
     #[test]
     fn neighbours_are_listed_once_across_borders_too() {
         let m = mesh(&[[0., 0., 0.], [1., 0., 0.], [1., 1., 0.], [0., 1., 0.]], &[[0, 1, 2], [0, 2, 3]]);
-        let neighbours = Neighbours::of(&m);
-        let of = |v| neighbours.of_vertex(Vert::new(v)).iter().map(|w| w.index()).collect::<Vec<_>>();
+        let of =
+            |v| neighbours(&m, Vert::new(v), &mut Vec::new()).iter().map(|w| w.index()).collect::<Vec<_>>();
         assert_eq!([of(0), of(1), of(2), of(3)], [vec![1, 2, 3], vec![0, 2], vec![0, 1, 3], vec![0, 2]]);
         assert_eq!(mean_edge_length(&m), (4.0 + 2f64.sqrt()) / 5.0);
-    }
-
-    #[test]
-    fn corner_angles_are_those_of_the_corners() {
-        let m = cut_cube(3);
-        let angles = corner_angles(&m);
-        for h in m.halves() {
-            assert!((angles[h] - crate::place::corner_angle(&m, h)).abs() < 1e-14, "{h:?}");
-        }
     }
 }

@@ -1,6 +1,7 @@
 //! Flips edges along which the surface still folds back onto itself.
 
 use glam::DVec3;
+use rayon::prelude::*;
 
 use super::{UntangleCounts, Zone};
 use crate::geometry::{angle_between, unit_normal};
@@ -33,20 +34,18 @@ impl Zone<'_, '_, '_> {
 
     /// The folds inside the zone as (cosine, face, from, to), the sharpest first.
     fn folds(&self) -> Vec<(f64, Face, Vert, Vert)> {
-        let mut folds = Vec::new();
-        for &f in self.faces.iter().filter(|&&f| self.edit.stands(f)) {
+        let folds_of = |&f: &Face| {
             let t = self.edit.corners(f);
-            for i in 0..3 {
-                let (a, b) = (t[i], t[(i + 1) % 3]);
-                let beside = self.edit.faces_beside(a, b).filter(|beside| beside[0] == f && a < b);
-                let Some([_, g]) = beside.filter(|beside| self.in_zone(beside[1])) else { continue };
-                if let (Some(n), Some(m)) = (self.normal(f), self.normal(g))
-                    && n.dot(m) < FOLD_ANGLE.cos()
-                {
-                    folds.push((n.dot(m), f, a, b));
-                }
-            }
-        }
+            let edges = [0, 1, 2].map(|i| (t[i], t[(i + 1) % 3])).into_iter().filter(|(a, b)| a < b);
+            edges.filter_map(move |(a, b)| {
+                let beside = self.edit.faces_beside(a, b).filter(|beside| beside[0] == f)?;
+                let g = Some(beside[1]).filter(|&g| self.in_zone(g))?;
+                let cosine = self.normal(f)?.dot(self.normal(g)?);
+                (cosine < FOLD_ANGLE.cos()).then_some((cosine, f, a, b))
+            })
+        };
+        let standing = self.faces.par_iter().filter(|&&f| self.edit.stands(f));
+        let mut folds: Vec<_> = standing.flat_map_iter(folds_of).collect();
         folds.sort_by(|x, y| x.0.total_cmp(&y.0).then((x.2, x.3).cmp(&(y.2, y.3))));
         folds
     }

@@ -22,11 +22,12 @@ mod fold;
 mod moves;
 
 use glam::DVec3;
+use rayon::prelude::*;
 
-use crate::edit::Edit;
+use crate::edit::{Edit, faces_where};
 use crate::fit::Fit;
 use crate::mesh::{Face, Mesh, PerFace, PerVert, Vert};
-use crate::refine::{Place, Refined};
+use crate::refine::Refined;
 
 /// A face whose normal is more than 60 degrees from the predicted one is bad ...
 const BAD_COSINE: f64 = 0.5;
@@ -72,11 +73,11 @@ pub(crate) struct Context<'a> {
     /// The mesh after it.
     pub refined: &'a Refined,
     /// The fit of each old vertex, if it has one.
-    pub fit: &'a dyn Fn(Vert) -> Option<&'a Fit>,
+    pub fit: &'a (dyn Fn(Vert) -> Option<&'a Fit> + Sync),
     /// Whether an old vertex is an end of a chamfer edge.
-    pub is_chamfer_end: &'a dyn Fn(Vert) -> bool,
+    pub is_chamfer_end: &'a (dyn Fn(Vert) -> bool + Sync),
     /// Whether an inserted vertex went onto its feature.
-    pub is_moved: &'a dyn Fn(Vert) -> bool,
+    pub is_moved: &'a (dyn Fn(Vert) -> bool + Sync),
     /// Mean edge length of the mesh before subdivision.
     pub mean_edge: f64,
 }
@@ -126,22 +127,16 @@ pub(crate) fn untangle(context: &Context<'_>, edit: &mut Edit<'_>) -> UntangleCo
 
 impl<'z, 'c, 'm> Zone<'z, 'c, 'm> {
     fn new(context: &'z Context<'c>, edit: &'z mut Edit<'m>) -> Self {
-        let Refined { mesh, lineage, creases, .. } = context.refined;
+        let Refined { mesh, children, creases, .. } = context.refined;
         let n_old = context.before.n_verts();
         let mut is_inner = PerVert::filled(mesh.n_verts(), false);
-        for f in mesh.face_ids() {
-            let is_split = f.halves().iter().any(|&h| !matches!(lineage.corners[h], Place::Corner(_)));
-            if is_split {
-                mesh.corners(f).into_iter().for_each(|v| is_inner[v] = true);
-            }
-        }
-        let in_zone = |&f: &Face| mesh.corners(f).into_iter().any(|v| is_inner[v]);
-        let faces: Vec<Face> = mesh.face_ids().filter(in_zone).collect();
+        children.iter().flat_map(|&f| mesh.corners(f)).for_each(|v| is_inner[v] = true);
+        let faces = faces_where(mesh, |v| is_inner[v]);
         let mut slot = PerFace::filled(mesh.n_faces(), OUTSIDE);
         for (i, &f) in faces.iter().enumerate() {
             slot[f] = i as u32;
         }
-        let representative = faces.iter().map(|&f| context.representative(mesh.corners(f))).collect();
+        let representative = faces.par_iter().map(|&f| context.representative(mesh.corners(f))).collect();
         let mut neighbours = vec![Vec::new(); mesh.n_verts() - n_old];
         for &[a, b] in creases {
             neighbours[a.index() - n_old].push(b);
@@ -239,8 +234,12 @@ impl<'z, 'c, 'm> Zone<'z, 'c, 'm> {
     }
 
     fn bad_faces(&mut self) -> Vec<Face> {
-        let standing: Vec<Face> = self.faces.iter().copied().filter(|&f| self.edit.stands(f)).collect();
-        standing.into_iter().filter(|&f| self.energy(f).value > 0.0).collect()
+        let energy = |(&f, known): (&Face, &Option<Energy>)| {
+            self.edit.stands(f).then(|| known.unwrap_or_else(|| self.energy_of(self.edit.triangle(f), f)))
+        };
+        self.energy = self.faces.par_iter().zip(&self.energy).map(energy).collect();
+        let is_bad = |energy: &Option<Energy>| energy.is_some_and(|energy| energy.value > 0.0);
+        self.faces.iter().zip(&self.energy).filter(|(_, energy)| is_bad(energy)).map(|(&f, _)| f).collect()
     }
 
     /// Collapses the shortest edges first: along a crease either way, whichever is better; an old vertex
@@ -300,7 +299,7 @@ impl<'z, 'c, 'm> Zone<'z, 'c, 'm> {
                 self.slivers_count = true;
                 may_move_back = false;
                 self.energy.fill(None);
-                todo = self.faces.iter().copied().filter(|&f| self.edit.stands(f)).collect();
+                todo = self.bad_faces();
             } else {
                 break;
             }

@@ -1,0 +1,142 @@
+//! What holds for every mesh that is sharpened, whatever it is. Tests and fuzz targets share it.
+#![allow(dead_code)] // Each of them uses some of it.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use glam::DVec3;
+use sharpen::mesh::{EdgeDefects, Mesh, Vert};
+use sharpen::{Method, Options, Sharpened, sharpen};
+
+/// What no pass may change of a mesh's shape.
+#[derive(Debug, PartialEq, Eq)]
+pub struct Topology {
+    /// Used vertices - edges + faces.
+    pub euler: isize,
+    pub components: usize,
+    pub border_loops: usize,
+    pub defects: EdgeDefects,
+}
+
+/// Merges what belongs together.
+struct Union(Vec<usize>);
+
+impl Union {
+    fn find(&mut self, mut i: usize) -> usize {
+        while self.0[i] != i {
+            self.0[i] = self.0[self.0[i]];
+            i = self.0[i];
+        }
+        i
+    }
+
+    fn join(&mut self, i: usize, j: usize) {
+        let (i, j) = (self.find(i), self.find(j));
+        self.0[i] = j;
+    }
+
+    /// The number of sets among `of`.
+    fn count(&mut self, of: impl Iterator<Item = usize>) -> usize {
+        of.map(|i| self.find(i)).collect::<BTreeSet<_>>().len()
+    }
+}
+
+impl Topology {
+    /// Bending splits every edge in two.
+    fn bent(mut self, levels: u32) -> Self {
+        self.defects.non_manifold_edges <<= levels;
+        self.defects.misoriented_edges <<= levels;
+        self
+    }
+
+    /// From the faces alone, without half-edges; without those that name a vertex twice.
+    pub fn of(mesh: &Mesh) -> Self {
+        let faces: Vec<_> = mesh.faces().iter().filter(|[a, b, c]| a != b && b != c && c != a).collect();
+        let used: BTreeSet<usize> = faces.iter().flat_map(|f| f.map(Vert::index)).collect();
+        let mut edges: BTreeMap<[usize; 2], Vec<bool>> = BTreeMap::new();
+        let mut whole = Union((0..mesh.n_verts()).collect());
+        for f in &faces {
+            for i in 0..3 {
+                let (a, b) = (f[i].index(), f[(i + 1) % 3].index());
+                whole.join(a, b);
+                edges.entry([a.min(b), a.max(b)]).or_default().push(a < b);
+            }
+        }
+        // A border is what has no opposite; its loops are counted as connected sets.
+        let mut border = Union((0..mesh.n_verts()).collect());
+        let open: Vec<[usize; 2]> =
+            edges.iter().filter(|(_, d)| d.len() != 2 || d[0] == d[1]).map(|(&e, _)| e).collect();
+        open.iter().for_each(|&[a, b]| border.join(a, b));
+        Self {
+            euler: used.len() as isize - edges.len() as isize + faces.len() as isize,
+            components: whole.count(used.into_iter()),
+            border_loops: border.count(open.into_iter().flatten()),
+            defects: mesh.defects(),
+        }
+    }
+}
+
+/// Whether two faces have the same corners. Where both are split, what joins the new vertices is doubled.
+fn has_doubled_faces(mesh: &Mesh) -> bool {
+    let sorted = |f: &[Vert; 3]| {
+        let mut f = *f;
+        f.sort_unstable();
+        f
+    };
+    mesh.faces().iter().map(sorted).collect::<BTreeSet<_>>().len() < mesh.n_faces()
+}
+
+/// The bits of points.
+pub fn bits(points: &[DVec3]) -> Vec<[u64; 3]> {
+    points.iter().map(|p| p.to_array().map(f64::to_bits)).collect()
+}
+
+/// Sharpens `mesh` and checks all that holds for every mesh with finite coordinates.
+pub fn obey_laws(mesh: &Mesh, options: &Options) -> Sharpened {
+    let sharpened = sharpen(mesh, options).expect("a mesh of this size is no problem");
+    let (new, report) = (&sharpened.mesh, &sharpened.report);
+    new.check().expect("the output is a mesh");
+    assert!(new.points().iter().all(|p| p.is_finite()), "a number that is none");
+
+    // Old vertices keep index and bits, but for those that the report counts.
+    let n = mesh.n_verts();
+    assert!(new.n_verts() >= n);
+    let (old_bits, new_bits) = (bits(mesh.points()), bits(&new.points()[..n]));
+    let n_changed = (0..n).filter(|&i| old_bits[i] != new_bits[i]).count();
+    if options.denoise == 0 {
+        assert!(n_changed <= report.moved_vertices + report.replaced_vertices.len(), "{n_changed} moved");
+        if options.method != Method::Regions {
+            assert_eq!(report.moved_vertices, 0);
+        }
+    }
+    if !report.changed {
+        assert_eq!((n_changed, new.n_verts(), new.faces()), (0, n, mesh.faces()));
+    }
+
+    let (mut before, after) = (Topology::of(mesh).bent(options.bend), Topology::of(new));
+    if options.bend > 0 {
+        // Of a face in a line come four, of one in a point only itself.
+        before.defects.collapsed_faces = after.defects.collapsed_faces;
+    }
+    assert_eq!(after.components, before.components);
+    if !has_doubled_faces(mesh) {
+        assert_eq!(after, before, "another surface");
+    }
+
+    // Every vertex that was used is, but for those that were collapsed; what lies on a border stays.
+    let used =
+        |mesh: &Mesh| -> BTreeSet<usize> { mesh.faces().iter().flatten().map(|v| v.index()).collect() };
+    let (used_before, used_after) = (used(mesh), used(new));
+    let left_over: Vec<_> = used_before.difference(&used_after).collect();
+    assert!(left_over.iter().all(|v| report.replaced_vertices.contains(v)), "left over: {left_over:?}");
+    assert!(used_after.range(..n).all(|v| used_before.contains(v)), "an unused vertex is used");
+    assert!((n..new.n_verts()).all(|v| used_after.contains(&v)), "a new vertex is of no use");
+    if options.bend == 0 && options.method != Method::Paper && !has_doubled_faces(mesh) {
+        let borders = |mesh: &Mesh| -> BTreeSet<[Vert; 2]> {
+            let is_whole = |[a, b, c]: [Vert; 3]| a != b && b != c && c != a;
+            let border = mesh.halves().filter(|&h| mesh.is_border(h) && is_whole(mesh.corners(h.face())));
+            border.map(|h| [mesh.from(h), mesh.to(h)]).collect()
+        };
+        assert_eq!(borders(new), borders(mesh), "another border");
+    }
+    sharpened
+}
