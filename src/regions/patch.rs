@@ -302,6 +302,7 @@ pub(super) mod tests {
         let (normals, labels) = labels(&mesh);
         let mut surface = Surface::new(&mesh, &normals, &labels);
         surface.h = 1.0;
+        surface.near = Near::around(&surface, &mesh.verts().collect::<Vec<_>>());
         let found = |border| {
             let mut patch = Patch::default();
             patch.search(&surface, &TwoRegions(border), Vert::new(20));
