@@ -22,6 +22,7 @@ mod gates;
 mod grow;
 mod label;
 mod near;
+mod noise;
 mod patch;
 mod place;
 mod surface;
@@ -81,6 +82,8 @@ pub struct RegionLabels {
     pub corner_faces: Vec<Face>,
     /// Whether the samples beside the chamfers are off the surface.
     pub off_surface: OffSurface,
+    /// Whether the samples are noisy.
+    pub is_noisy: bool,
     /// The vertices that are therefore moved onto their fit, ascending, and where to.
     pub moved: Vec<(Vert, DVec3)>,
 }
@@ -139,13 +142,22 @@ impl RegionLabels {
 #[must_use]
 pub fn label_by_fits(mesh: &Mesh, face_normals: &PerFace<DVec3>, labels: &Labels) -> RegionLabels {
     let surface = Surface::new(mesh, face_normals, labels);
-    let (fits, noise) = label_vertices(&surface);
+    let (mut fits, noise) = label_vertices(&surface);
     let candidates = chamfer_edges(&surface, &fits);
     let (strip_of, strips) = gates::judge_strips(&surface, &fits, &candidates, noise);
     let is_kept = |&(_, &strip): &(&Half, &u32)| strips[strip as usize].fate == Fate::Kept;
     let kept: Vec<Half> = candidates.iter().zip(&strip_of).filter(is_kept).map(|(&h, _)| h).collect();
     let off_surface = gates::off_surface(&surface, &fits, &kept);
-    let moved = if off_surface.is_likely() { place::moves(&surface, &fits, &kept) } else { Vec::new() };
+    let is_noisy = noise::is_noisy(&surface, &fits, noise);
+    let moved = if is_noisy {
+        let zone = noise::zone_of(&surface, &kept);
+        noise::fit_again(&surface, &mut fits, &zone);
+        noise::moves(&surface, &fits, &zone)
+    } else if off_surface.is_likely() {
+        place::moves(&surface, &fits, &kept)
+    } else {
+        Vec::new()
+    };
     let chamfer_edge = edge_flags(mesh, &kept);
     let corner_faces = corner_faces(mesh, &chamfer_edge, &kept);
     let Surface { h: mean_edge, interior: interior_vertex, deep: deep_vertex, red_face, .. } = surface;
@@ -162,6 +174,7 @@ pub fn label_by_fits(mesh: &Mesh, face_normals: &PerFace<DVec3>, labels: &Labels
         chamfer_edge,
         corner_faces,
         off_surface,
+        is_noisy,
         moved,
     }
 }
