@@ -33,6 +33,7 @@ use rayon::prelude::*;
 
 use crate::classify::Labels;
 use crate::fit::{Fit, FitSource};
+use crate::geometry::unit_normal;
 use crate::mesh::{Face, Half, Mesh, PerFace, PerHalf, PerVert, Vert};
 
 pub use fits::VertexFits;
@@ -98,16 +99,15 @@ impl RegionLabels {
         abstained.map(|(&h, _)| h).collect()
     }
 
-    /// The edges between doubtful vertices of which one has no fit at all, ascending: no smooth face that
-    /// is three samples wide is near.
+    /// The edges between doubtful vertices of which one has no fit at all though the faces there bend like
+    /// a chamfer, ascending: no smooth face that is three samples wide is near.
     #[must_use]
     pub fn beyond_reach(&self, mesh: &Mesh) -> Vec<Half> {
         let is_doubtful = |v: &Vert| !self.interior_vertex[*v];
+        let is_beyond_reach = |v: &Vert| self.fits.get(*v).is_none() && bends_like_a_chamfer(mesh, *v);
         let is_beyond = |h: &Half| {
             let ends = [mesh.from(*h), mesh.to(*h)];
-            !mesh.is_border(*h)
-                && ends.iter().all(is_doubtful)
-                && ends.iter().any(|&v| self.fits.get(v).is_none())
+            !mesh.is_border(*h) && ends.iter().all(is_doubtful) && ends.iter().any(is_beyond_reach)
         };
         mesh.edges().filter(is_beyond).collect()
     }
@@ -135,6 +135,14 @@ impl RegionLabels {
         let is_on = |fit: &Fit| ends.iter().all(|&end| fit.evaluate(end, self.mean_edge).0.abs() < ON_CREASE);
         normal(p).dot(normal(q)) < CHAMFER_ANGLE.cos() && is_on(p) && is_on(q)
     }
+}
+
+/// Whether two faces at `v` make at least half of the angle of a crease, as those beside a chamfer do.
+fn bends_like_a_chamfer(mesh: &Mesh, v: Vert) -> bool {
+    let normal = |h: &Half| unit_normal(mesh.triangle(h.face()));
+    let normals: Vec<DVec3> = mesh.leaving(v).iter().filter_map(normal).collect();
+    let bends = |i: usize| normals[..i].iter().any(|n| n.dot(normals[i]) < (0.5 * CHAMFER_ANGLE).cos());
+    (1..normals.len()).any(bends)
 }
 
 /// Labels the doubtful vertices of `mesh` with the smooth regions that explain them, and finds the
@@ -464,5 +472,26 @@ mod tests {
         };
         assert_eq!(chamfers([false; 4], &tilted(44.0)), []);
         assert_eq!(chamfers([false; 4], &tilted(46.0)), diagonal);
+    }
+
+    // 1---3---5    Nothing has a fit. Flat, nothing is beyond reach; folded along 2-3, the edges that have
+    // | / | / |    two faces and an end on the fold are.
+    // 0---2---4
+    #[test]
+    fn only_what_bends_like_a_chamfer_is_beyond_reach() {
+        let beyond = |z: f64| {
+            let points = [[0., 0., z], [0., 1., z], [1., 0., 0.], [1., 1., 0.], [2., 0., z], [2., 1., z]];
+            let m = mesh(&points, &[[0, 2, 3], [0, 3, 1], [2, 4, 5], [2, 5, 3]]);
+            let interior_vertex = PerVert::filled(6, false);
+            let fits = VertexFits::none(6, m.verts().collect());
+            let labels = RegionLabels { interior_vertex, fits, ..RegionLabels::default() };
+            labels
+                .beyond_reach(&m)
+                .iter()
+                .map(|h| [m.from(*h), m.to(*h)].map(Vert::index))
+                .collect::<Vec<_>>()
+        };
+        assert_eq!(beyond(0.1), [[0; 2]; 0], "eleven degrees");
+        assert_eq!(beyond(1.0), [[2, 3], [3, 0], [5, 2]]);
     }
 }
