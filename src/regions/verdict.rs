@@ -35,6 +35,8 @@ pub struct Verdict {
     pub creases: Vec<Support>,
     /// The recovered corners.
     pub corners: Vec<Support>,
+    /// How many chamfer edges the shares are of.
+    pub edges: usize,
     /// Share of chamfers that were recovered.
     pub recovered: f64,
     /// Share of chamfers that were left alone, by reason.
@@ -57,7 +59,8 @@ pub fn verdict(mesh: &Mesh, labels: &RegionLabels, placement: &Placement) -> Ver
     }
     let recovered = abstained.remove(&Fate::Kept).unwrap_or(0);
     let impossible = labels.beyond_reach(mesh).len();
-    let all = (labels.candidates.len() + impossible).max(1) as f64;
+    let edges = labels.candidates.len() + impossible;
+    let all = edges.max(1) as f64;
 
     let support = |edges: &[Half], at: Vert| support(mesh, labels, placement, edges, at);
     let inserted = |h: Half| placement.inserts.on_edge[h];
@@ -68,6 +71,7 @@ pub fn verdict(mesh: &Mesh, labels: &RegionLabels, placement: &Placement) -> Ver
     Verdict {
         creases,
         corners: labels.corner_faces.iter().filter_map(corner).collect(),
+        edges,
         recovered: recovered as f64 / all,
         abstained: abstained.into_iter().map(|(fate, n)| (fate, n as f64 / all)).collect(),
         impossible: impossible as f64 / all,
@@ -145,7 +149,7 @@ mod tests {
         }
         assert_eq!(verdict.corners.len(), 8);
         assert!(verdict.corners.iter().all(|corner| corner.edges == 3 && corner.placed == 1.0));
-        assert_eq!((verdict.recovered, verdict.impossible), (1.0, 0.0));
+        assert_eq!((verdict.edges, verdict.recovered, verdict.impossible), (12 * (2 * n - 1), 1.0, 0.0));
         assert!(verdict.abstained.is_empty() && !verdict.samples_off_surface);
     }
 }
