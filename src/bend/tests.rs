@@ -130,6 +130,22 @@ fn a_flat_patch_stays_flat_with_its_corners_where_they_were() {
 }
 
 #[test]
+fn in_a_tilted_plane_new_vertices_stay_in_the_middle() {
+    // Moved about within it they would leave it by the last bit, and faces would cut each other.
+    let turn = glam::DQuat::from_euler(glam::EulerRot::XYZ, 0.4, -1.1, 2.0);
+    let uneven = |i: f64, j: f64| turn * dvec3(i + 0.3 * (2.0 * j).sin(), j + 0.3 * (3.0 * i).cos(), 0.0);
+    let m = grid(7, 5, false, uneven);
+    let Bent { mesh: fine, .. } = bent(&m, &Tags::default(), &LIMITED);
+    let is_inner = |h: &Half| ![m.from(*h), m.to(*h)].iter().any(|v| m.border_verts().contains(v));
+    let mut n_inner = 0;
+    for (h, &point) in m.edges().zip(&fine.points()[m.n_verts()..]).filter(|(h, _)| is_inner(h)) {
+        assert_eq!(point, m.point(m.from(h)).midpoint(m.point(m.to(h))));
+        n_inner += 1;
+    }
+    assert!(n_inner > 20, "{n_inner}");
+}
+
+#[test]
 fn a_cube_with_sharp_edges_stays_a_cube() {
     let points: Vec<[f64; 3]> = (0..8).map(|k| [k & 1, k >> 1 & 1, k >> 2].map(f64::from)).collect();
     let sides = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
