@@ -26,7 +26,7 @@ use rayon::prelude::*;
 
 use crate::mesh::{Half, MAX_FACES, Mesh, MeshError, has_repeated_vertex};
 use crate::refine::{Inserts, Lineage, refine};
-use crate::stencil::{Proposal, Rule, Stencils};
+use crate::stencil::{Rule, Stencils};
 use crate::tags::Tags;
 
 use limit::Draft;
@@ -99,14 +99,10 @@ pub fn bend(mesh: &Mesh, tags: &Tags, options: &BendOptions) -> Result<Bent, Mes
     let edges = edges_of_new_vertices(mesh, &inserts);
 
     let stencils = Stencils::new(mesh, tags);
-    let proposals: Vec<Proposal> = edges.par_iter().map(|&h| stencils.place(h)).collect();
     let mut counts = BendCounts::default();
-    for proposal in &proposals {
-        *counts.rules.entry(proposal.rule).or_default() += 1;
-    }
     if options.is_limited {
-        let shift = |(&h, proposal)| vouched_shift(mesh, h, proposal);
-        let shifts: Vec<_> = edges.par_iter().zip(&proposals).map(shift).collect();
+        let shifts: Vec<Shift> = edges.par_iter().map(|&h| vouched_shift(&stencils, mesh, h)).collect();
+        counts.rules = count(shifts.iter().map(|shift| shift.rule));
         counts.doubted = shifts.iter().filter(|shift| shift.is_doubted).count();
         counts.shortened = shifts.iter().filter(|shift| shift.is_shortened).count();
         let shifts = shifts.into_iter().map(|shift| shift.vector).collect();
@@ -114,7 +110,10 @@ pub fn bend(mesh: &Mesh, tags: &Tags, options: &BendOptions) -> Result<Bent, Mes
         counts.retreated = draft.retreat();
         inserts.points = draft.into_points();
     } else {
-        inserts.points = proposals.into_iter().map(|proposal| proposal.point).collect();
+        let placed = edges.par_iter().map(|&h| stencils.place(h)).map(|placed| (placed.rule, placed.point));
+        let (rules, points): (Vec<_>, _) = placed.unzip();
+        counts.rules = count(rules.into_iter());
+        inserts.points = points;
     }
     drop(stencils);
 
@@ -123,10 +122,24 @@ pub fn bend(mesh: &Mesh, tags: &Tags, options: &BendOptions) -> Result<Bent, Mes
     Ok(Bent { mesh: refined.mesh, lineage: refined.lineage, tags, counts })
 }
 
+/// How often each rule occurs.
+fn count(rules: impl Iterator<Item = Rule>) -> BTreeMap<Rule, usize> {
+    let mut counts = BTreeMap::new();
+    let mut rules = rules.peekable();
+    // Nearly all rules equal the one before.
+    while let Some(rule) = rules.next() {
+        let repeats = std::iter::from_fn(|| rules.next_if_eq(&rule)).count();
+        *counts.entry(rule).or_default() += 1 + repeats;
+    }
+    counts
+}
+
 /// For each new vertex the lowest half-edge that it is on.
 fn edges_of_new_vertices(mesh: &Mesh, inserts: &Inserts) -> Vec<Half> {
+    let halves = (0..mesh.n_halves()).into_par_iter().map(Half::new);
+    let split: Vec<Half> = halves.filter(|&h| inserts.on_edge[h].is_some() && mesh.edge(h) == h).collect();
     let mut edges = vec![Half::NONE; inserts.points.len()];
-    for h in mesh.halves().filter(|&h| inserts.on_edge[h].is_some()) {
+    for h in split {
         let edge = &mut edges[inserts.on_edge[h].index() - mesh.n_verts()];
         *edge = h.min(*edge);
     }
@@ -136,8 +149,10 @@ fn edges_of_new_vertices(mesh: &Mesh, inserts: &Inserts) -> Vec<Half> {
 /// Both halves of a sharp edge are sharp.
 fn tags_of_children(mesh: &Mesh, tags: &Tags, inserts: &Inserts) -> Tags {
     let is_sharp = tags.sharp_halves(mesh);
-    let split = mesh.edges().filter(|&h| is_sharp[h] && inserts.on_edge[h].is_some());
-    let halves = split.flat_map(|h| {
+    let is_split_edge = |h: &Half| is_sharp[*h] && inserts.on_edge[*h].is_some() && mesh.edge(*h) == *h;
+    let split: Vec<Half> =
+        (0..mesh.n_halves()).into_par_iter().map(Half::new).filter(is_split_edge).collect();
+    let halves = split.into_iter().flat_map(|h| {
         let middle = inserts.on_edge[h];
         [[mesh.from(h), middle], [middle, mesh.to(h)]]
     });
@@ -168,6 +183,7 @@ const ROUNDING: f64 = 1e-6;
 
 /// How far a new vertex goes from the middle of its edge before faces have a say.
 struct Shift {
+    rule: Rule,
     vector: DVec3,
     is_doubted: bool,
     is_shortened: bool,
@@ -192,16 +208,18 @@ struct Shift {
 /// Rejected: the disagreement between the stencils of the two ends (they are exact for linear functions
 /// only: slivers on a sphere look like noise); a limit of the length alone (cannot tell curvature from
 /// noise: both are 0.01 to 0.02 edges here).
-fn vouched_shift(mesh: &Mesh, h: Half, proposal: &Proposal) -> Shift {
+fn vouched_shift(stencils: &Stencils<'_>, mesh: &Mesh, h: Half) -> Shift {
+    let site = stencils.look(h);
+    let rule = site.rule;
     let (from, to) = (mesh.point(mesh.from(h)), mesh.point(mesh.to(h)));
     let length = from.distance(to);
-    let [a, b] = proposal.expected;
+    let [a, b] = site.expected;
     let steepest = a.length().max(b.length());
     if steepest <= ROUNDING * length {
-        return Shift { vector: DVec3::ZERO, is_doubted: false, is_shortened: false };
+        return Shift { rule, vector: DVec3::ZERO, is_doubted: false, is_shortened: false };
     }
-    let mut wanted = proposal.point - from.midpoint(to);
-    if !proposal.rule.is_on_curve() {
+    let mut wanted = stencils.point(&site) - from.midpoint(to);
+    if !rule.is_on_curve() {
         let bolder = if a.length_squared() < b.length_squared() { b } else { a };
         let up = bolder.normalize_or_zero();
         let (a, b, rounding) = (BOLDNESS * a.dot(up), BOLDNESS * b.dot(up), ROUNDING * length);
@@ -224,5 +242,5 @@ fn vouched_shift(mesh: &Mesh, h: Half, proposal: &Proposal) -> Shift {
     let is_shortened = wanted.length() > MAX_SHIFT * length;
     let vector = if is_shortened { wanted.clamp_length_max(MAX_SHIFT * length) } else { wanted };
     let vector = if vector.is_finite() { vector } else { DVec3::ZERO };
-    Shift { vector, is_doubted: trust < 0.5, is_shortened }
+    Shift { rule, vector, is_doubted: trust < 0.5, is_shortened }
 }

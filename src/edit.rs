@@ -290,7 +290,8 @@ impl<'m> Edit<'m> {
         let movers = inserted.split_off(inserted.len().saturating_sub(gone_old.len()));
 
         let mut now = PerVert::filled(n_verts, Vert::NONE);
-        let mut points = self.refined.mesh.points()[..self.n_old].to_vec();
+        let mut points = Vec::with_capacity(self.n_old + inserted.len());
+        points.extend_from_slice(&self.refined.mesh.points()[..self.n_old]);
         for v in (0..self.n_old).map(Vert::new).filter(stands) {
             now[v] = v;
         }

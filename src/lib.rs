@@ -145,7 +145,7 @@ pub fn sharpen_observed(
     let mut sharpened = if options.sharpen {
         pipeline::sharpen(mesh, options, &mut report, &mut on_rebuild)?
     } else {
-        let tags = pipeline::given_tags(mesh, options);
+        let tags = report.seconds.time("tags", || pipeline::given_tags(mesh, options));
         Sharpened { mesh: mesh.clone(), tags, ..Sharpened::default() }
     };
     if options.denoise > 0 {

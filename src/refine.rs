@@ -14,7 +14,9 @@
 //! Differs: in case b, where the paper is silent, the quadrilateral takes its shorter diagonal,
 //! measured before the new vertices move (a tie goes to the smaller vertex index).
 //! In/out: `Mesh` + `Inserts` -> `Refined`; children stand where their parent stood.
-//! Cost: O(F), one pass to count and one to write.
+//! Cost: O(F), one pass to count and one to write, both parallel.
+
+use std::ops::Range;
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -57,12 +59,14 @@ impl Inserts {
         let mut inserts = Self::none(mesh);
         let knots = Knots::of(mesh);
         let halves = (0..mesh.n_halves()).into_par_iter().map(Half::new);
-        let split: Vec<Half> = halves.filter(|&h| is_split(h) && mesh.edge(h) == h).collect();
-        for h in split {
+        let mut split: Vec<Half> = halves.filter(|&h| is_split(h) && mesh.edge(h) == h).collect();
+        let mut n_verts = mesh.n_verts();
+        split.retain(|&h| {
             if inserts.on_edge[h].is_some() {
-                continue;
+                return false;
             }
-            let vertex = Vert::new(mesh.n_verts() + inserts.points.len());
+            let vertex = Vert::new(n_verts);
+            n_verts += 1;
             inserts.on_edge[h] = vertex;
             if let Some(twin) = mesh.twin(h) {
                 inserts.on_edge[twin] = vertex;
@@ -70,8 +74,10 @@ impl Inserts {
             for &(_, g) in knots.around(mesh, h) {
                 inserts.on_edge[g] = vertex;
             }
-            inserts.points.push(mesh.point(mesh.from(h)).midpoint(mesh.point(mesh.to(h))));
-        }
+            true
+        });
+        let middle = |&h: &Half| mesh.point(mesh.from(h)).midpoint(mesh.point(mesh.to(h)));
+        inserts.points = split.par_iter().map(middle).collect();
         for &f in faces {
             let vertex = Vert::new(mesh.n_verts() + inserts.points.len());
             inserts.in_face.push((f, vertex));
@@ -269,7 +275,8 @@ pub(crate) fn split_face(
 /// # Errors
 /// When the new mesh has more elements than the index type can count.
 pub fn refine(mesh: &Mesh, inserts: &Inserts) -> Result<Refined, MeshError> {
-    let mut points = mesh.points().to_vec();
+    let mut points = Vec::with_capacity(mesh.n_verts() + inserts.points.len());
+    points.extend_from_slice(mesh.points());
     for &(v, point) in &inserts.moved {
         points[v.index()] = point;
     }
@@ -280,30 +287,105 @@ pub fn refine(mesh: &Mesh, inserts: &Inserts) -> Result<Refined, MeshError> {
         Some(i) => middles[i],
         None => points[v.index()],
     };
-    let n_splits = |f: &Face| f.halves().into_iter().filter(|&h| inserts.on_edge[h].is_some()).count();
-    let n_faces = mesh.n_faces() + split.iter().map(n_splits).sum::<usize>() + 2 * inserts.in_face.len();
-
+    let chunks = chunks(mesh, inserts, &split);
+    let n_faces = chunks.iter().map(|chunk| chunk.n_new).sum();
     check_size(mesh.n_verts() + inserts.points.len(), n_faces)?;
-    let mut faces = Vec::with_capacity(n_faces);
-    let mut parents = Vec::with_capacity(n_faces);
-    let mut places = Vec::with_capacity(n_faces);
+    let mut faces = vec![[Vert::NONE; 3]; n_faces];
+    let mut parents = vec![Face::NONE; n_faces];
+    let mut places = vec![[Place::Foreign; 3]; n_faces];
+    let mut rest = Out { first: 0, faces: &mut faces, parents: &mut parents, places: &mut places };
+    let mut outs = Vec::with_capacity(chunks.len());
+    for chunk in &chunks {
+        let (out, later) = rest.split(chunk.n_new);
+        outs.push(out);
+        rest = later;
+    }
+    let rebuild = |(chunk, out)| rebuild(mesh, inserts, chunk, out, middle);
+    let (creases, children): (Vec<_>, Vec<_>) = chunks.into_par_iter().zip(outs).map(rebuild).unzip();
+    points.extend_from_slice(&inserts.points);
+    let corners = places.into_flattened().into();
+    let lineage = Lineage { parents: parents.into(), corners, foreign: Vec::new() };
+    let mesh = Mesh::new(points, faces)?;
+    debug_assert_eq!(mesh.check(), Ok(()));
+    Ok(Refined { mesh, lineage, creases: creases.concat(), middles, children: children.concat() })
+}
+
+/// Old faces that one thread rebuilds.
+struct Chunk<'a> {
+    old: Range<usize>,
+    /// Those of them that are split, ascending.
+    split: &'a [Face],
+    /// How many faces they become.
+    n_new: usize,
+}
+
+/// So many old faces are rebuilt at a time: far more than it costs to hand them out.
+const CHUNK: usize = 1 << 14;
+
+fn chunks<'a>(mesh: &Mesh, inserts: &Inserts, split: &'a [Face]) -> Vec<Chunk<'a>> {
+    let n_grown = |&f: &Face| match f.halves().into_iter().filter(|&h| inserts.on_edge[h].is_some()).count() {
+        3 if inserts.centre(f).is_some() => 5,
+        n_splits => n_splits,
+    };
+    let chunk = |start: usize| {
+        let old = start..(start + CHUNK).min(mesh.n_faces());
+        let [first, last] = [old.start, old.end].map(|end| split.partition_point(|f| f.index() < end));
+        let split = &split[first..last];
+        Chunk { n_new: old.len() + split.iter().map(n_grown).sum::<usize>(), old, split }
+    };
+    (0..mesh.n_faces()).into_par_iter().step_by(CHUNK).map(chunk).collect()
+}
+
+/// Where new faces go.
+struct Out<'a> {
+    /// The number of the first of them.
+    first: usize,
+    faces: &'a mut [[Vert; 3]],
+    parents: &'a mut [Face],
+    places: &'a mut [[Place; 3]],
+}
+
+impl Out<'_> {
+    /// The first `n` and the rest.
+    fn split(self, n: usize) -> (Self, Self) {
+        let (faces, parents, places) =
+            (self.faces.split_at_mut(n), self.parents.split_at_mut(n), self.places.split_at_mut(n));
+        (
+            Self { first: self.first, faces: faces.0, parents: parents.0, places: places.0 },
+            Self { first: self.first + n, faces: faces.1, parents: parents.1, places: places.1 },
+        )
+    }
+}
+
+/// Rebuilds the faces of a chunk; gives the pieces of creases and the children of split faces.
+fn rebuild(
+    mesh: &Mesh,
+    inserts: &Inserts,
+    Chunk { old, split, .. }: Chunk<'_>,
+    Out { first, faces, parents, places }: Out<'_>,
+    middle: impl Fn(Vert) -> DVec3 + Copy,
+) -> (Vec<[Vert; 2]>, Vec<Face>) {
     let mut creases = Vec::new();
-    let mut children_ids = Vec::with_capacity(n_faces - mesh.n_faces() + split.len());
-    let mut done = 0;
-    for f in split.into_iter().map(Some).chain([None]) {
+    let mut children_ids =
+        Vec::with_capacity(if split.is_empty() { 0 } else { faces.len() + split.len() - old.len() });
+    let (mut done, mut next) = (old.start, 0);
+    for f in split.iter().copied().map(Some).chain([None]) {
         // The faces up to the next split one stay as they are.
-        let whole = done..f.map_or(mesh.n_faces(), Face::index);
-        faces.extend_from_slice(&mesh.faces()[whole.clone()]);
-        places.extend(std::iter::repeat_n([0, 1, 2].map(Place::Corner), whole.len()));
-        parents.extend(whole.map(Face::new));
+        let whole = done..f.map_or(old.end, Face::index);
+        let slots = next..next + whole.len();
+        next = slots.end;
+        faces[slots.clone()].copy_from_slice(&mesh.faces()[whole.clone()]);
+        places[slots.clone()].fill([0, 1, 2].map(Place::Corner));
+        parents[slots].iter_mut().zip(whole).for_each(|(parent, f)| *parent = Face::new(f));
         let Some(f) = f else { break };
         done = f.index() + 1;
         let children = split_face(mesh, inserts, f, middle);
         for child in children.iter() {
-            children_ids.push(Face::new(faces.len()));
-            faces.push(child.map(|(vertex, _)| vertex));
-            parents.push(f);
-            places.push(child.map(|(_, place)| place));
+            children_ids.push(Face::new(first + next));
+            faces[next] = child.map(|(vertex, _)| vertex);
+            parents[next] = f;
+            places[next] = child.map(|(_, place)| place);
+            next += 1;
         }
         match children.len() {
             3 => creases.push([children[0][1].0, children[0][2].0]),
@@ -311,12 +393,7 @@ pub fn refine(mesh: &Mesh, inserts: &Inserts) -> Result<Refined, MeshError> {
             _ => {}
         }
     }
-    points.extend_from_slice(&inserts.points);
-    let corners = places.into_flattened().into();
-    let lineage = Lineage { parents: parents.into(), corners, foreign: Vec::new() };
-    let mesh = Mesh::new(points, faces)?;
-    debug_assert_eq!(mesh.check(), Ok(()));
-    Ok(Refined { mesh, lineage, creases, middles, children: children_ids })
+    (creases, children_ids)
 }
 
 /// Where the new vertices would be if they stayed in the middle of the (moved) old ones. `split` are the

@@ -139,6 +139,11 @@ impl Seconds {
         result
     }
 
+    /// Adds the stages of another run, which ran later, and leaves that one empty.
+    pub fn append(&mut self, later: &mut Self) {
+        self.0.append(&mut later.0);
+    }
+
     /// The stages with their seconds, in their order.
     #[must_use]
     pub fn stages(&self) -> &[(&'static str, f64)] {

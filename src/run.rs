@@ -6,6 +6,7 @@ use std::process::ExitCode;
 use anyhow::{Context, Result};
 use sharpen::error::display_name;
 use sharpen::place::Outcome;
+use sharpen::report::Seconds;
 use sharpen::tags::polylines;
 use sharpen::weld::weld;
 use sharpen::{Mesh, Report, io, paint};
@@ -58,14 +59,15 @@ pub struct Done {
 /// # Errors
 /// One line that says what failed. No output is written unless all of it can be.
 pub fn sharpen_file(arguments: &Arguments, input: &Path, output: &Path) -> Result<Done> {
-    let bytes = io::read_bytes(input)?;
+    let mut seconds = Seconds::default();
+    let bytes = seconds.time("read", || io::read_bytes(input))?;
     let (source, target) = (arguments.format_of(input)?, arguments.format_of(output)?);
-    let model = io::parse_as(&bytes, &display_name(input), source)?;
+    let model = seconds.time("parse", || io::parse_as(&bytes, &display_name(input), source))?;
     // A file can be read again, if need be; a stream cannot.
     let bytes = (input == Path::new("-")).then_some(bytes);
     let (mut attributes, mut notices) = (model.attributes, model.notices);
     let name = || display_name(input);
-    let mut mesh = Mesh::new(model.points, model.faces).with_context(name)?;
+    let mut mesh = seconds.time("twins", || Mesh::new(model.points, model.faces)).with_context(name)?;
     if let Some(firsts) = weld(mesh.points(), mesh.border_verts(), arguments.weld) {
         let (points, mut faces) = mesh.into_parts();
         attributes.join(&mut faces, &firsts);
@@ -75,14 +77,15 @@ pub fn sharpen_file(arguments: &Arguments, input: &Path, output: &Path) -> Resul
     if arguments.no_sharpen {
         options.sharp_edges = attributes.line_edges();
     }
-    let (sharpened, attributes, lost) =
+    let (mut sharpened, attributes, lost) =
         sharpen::sharpen_with_attributes(&mesh, attributes, &options).with_context(name)?;
+    seconds.append(&mut sharpened.report.seconds);
     let painted = sharpened.labels.as_ref().map(|labels| paint::paint(&mesh, labels));
     notices.extend(lost);
 
     if !sharpened.report.changed && source == target {
         let same = bytes.map_or_else(|| io::read_bytes(input), Ok)?;
-        io::write_bytes(output, &same)?;
+        seconds.time("write", || io::write_bytes(output, &same))?;
     } else {
         let parted = attributes.part(mesh.points(), &sharpened.mesh);
         drop(mesh);
@@ -92,7 +95,7 @@ pub fn sharpen_file(arguments: &Arguments, input: &Path, output: &Path) -> Resul
         };
         let view = io::View { points, faces, attributes: &attributes };
         notices.extend(io::losses(view, target));
-        io::write_as(output, view, target)?;
+        seconds.time("write", || io::write_as(output, view, target))?;
     }
     if let (Some(path), Some(painted)) = (&arguments.classes, painted) {
         io::write_bytes(path, &painted)?;
@@ -101,7 +104,7 @@ pub fn sharpen_file(arguments: &Arguments, input: &Path, output: &Path) -> Resul
         let lines = polylines(&sharpened.tags);
         io::write_bytes(path, &io::format_polylines(sharpened.mesh.points(), &lines))?;
     }
-    Ok(Done { report: sharpened.report, notices })
+    Ok(Done { report: Report { seconds, ..sharpened.report }, notices })
 }
 
 /// One line that says what came of it.

@@ -27,8 +27,9 @@ mod tests;
 use std::f64::consts::PI;
 
 use glam::DVec3;
+use rayon::prelude::*;
 
-use crate::mesh::{Half, Mesh, PerHalf, Vert};
+use crate::mesh::{Half, Mesh, PerHalf, PerVert, Vert};
 use crate::refine::Knots;
 use crate::tags::Tags;
 
@@ -81,6 +82,27 @@ pub struct Proposal {
     pub expected: [DVec3; 2],
 }
 
+/// What the two ends of an edge are and expect: all but where the new vertex goes.
+#[derive(Clone, Copy, Debug)]
+pub struct Site {
+    /// The lower half-edge of the edge.
+    h: Half,
+    /// The rule that will place the vertex.
+    pub rule: Rule,
+    /// As in [`Proposal`].
+    pub expected: [DVec3; 2],
+    ends: Ends,
+}
+
+/// What decides about a new vertex.
+#[derive(Clone, Copy, Debug)]
+enum Ends {
+    /// On a curve: the vertices before and after the edge, seen from its middle.
+    OnCurve([DVec3; 2]),
+    /// In a surface: the twin, and the sectors of the two half-edges.
+    InSurface(Half, [Sector; 2]),
+}
+
 /// The stencils of a mesh, ready to be asked edge by edge.
 #[derive(Debug)]
 pub struct Stencils<'m> {
@@ -88,6 +110,8 @@ pub struct Stencils<'m> {
     /// Sharp and border edges, on both half-edges. `[3F]`
     is_cut: PerHalf<bool>,
     knots: Knots,
+    /// The normals of vertices without a cut edge, which count for all edges there. `[V]`
+    rounds: PerVert<Option<DVec3>>,
     /// For each half-edge that leaves a wide end: what the end is, and its sums. Ascending.
     wide: Vec<(Half, End, Known)>,
 }
@@ -97,14 +121,21 @@ impl<'m> Stencils<'m> {
     #[must_use]
     pub fn new(mesh: &'m Mesh, tags: &Tags) -> Self {
         let mut is_cut = tags.sharp_halves(mesh);
-        for h in mesh.halves().filter(|&h| mesh.is_border(h)) {
-            is_cut[h] = true;
-        }
-        let mut stencils = Self { mesh, is_cut, knots: Knots::of(mesh), wide: Vec::new() };
+        let add_border = |(h, is_cut): (usize, &mut bool)| *is_cut |= mesh.is_border(Half::new(h));
+        is_cut.as_mut_slice().par_iter_mut().enumerate().for_each(add_border);
+        let mut stencils = Self::bare(mesh, is_cut);
+        let rounds = (0..mesh.n_verts()).into_par_iter().map(|v| stencils.round_normal(Vert::new(v)));
+        stencils.rounds = rounds.collect::<Vec<_>>().into();
         let is_wide = |v: &Vert| mesh.leaving(*v).len() > WIDE;
         stencils.wide = mesh.verts().filter(is_wide).flat_map(|v| stencils.wide_ends(v)).collect();
         stencils.wide.sort_unstable_by_key(|&(h, ..)| h);
         stencils
+    }
+
+    /// The stencils without anything summed beforehand.
+    fn bare(mesh: &'m Mesh, is_cut: PerHalf<bool>) -> Self {
+        let rounds = PerVert::filled(mesh.n_verts(), None);
+        Self { mesh, is_cut, knots: Knots::of(mesh), rounds, wide: Vec::new() }
     }
 
     /// Whether the edge of `h` is sharp or a border.
@@ -116,15 +147,43 @@ impl<'m> Stencils<'m> {
     /// Where the new vertex on the edge of `h` goes, and why. The same for both half-edges.
     #[must_use]
     pub fn place(&self, h: Half) -> Proposal {
+        let site = self.look(h);
+        Proposal { point: self.point(&site), rule: site.rule, expected: site.expected }
+    }
+
+    /// What the ends of the edge of `h` are and expect. The same for both half-edges.
+    #[must_use]
+    pub fn look(&self, h: Half) -> Site {
         let h = self.mesh.edge(h);
         match self.mesh.twin(h) {
-            Some(twin) if !self.is_cut[h] => self.place_in_surface(h, twin),
-            _ => self.place_on_curve(h),
+            Some(twin) if !self.is_cut[h] => self.look_in_surface(h, twin),
+            _ => self.look_on_curve(h),
+        }
+    }
+
+    /// Where the new vertex goes.
+    #[must_use]
+    pub fn point(&self, site: &Site) -> DVec3 {
+        let h = site.h;
+        let [p, q] = match site.ends {
+            // before    p    new    q    after
+            //   o-------o-----x-----o------o
+            // -1/16   9/16        9/16   -1/16
+            Ends::OnCurve([before, after]) => {
+                return self.from(h).midpoint(self.to(h)) - (before + after) / 16.0;
+            }
+            Ends::InSurface(twin, [p, q]) => [(h, p), (twin, q)],
+        };
+        match (p.1.end.is_regular(), q.1.end.is_regular()) {
+            (true, true) => self.place_regular(p, q),
+            (false, false) => self.wish(p).midpoint(self.wish(q)),
+            (false, true) => self.wish(p),
+            (true, false) => self.wish(q),
         }
     }
 
     /// The curve rules: R2, R6 and the middle.
-    fn place_on_curve(&self, h: Half) -> Proposal {
+    fn look_on_curve(&self, h: Half) -> Site {
         let (p, q) = (self.from(h), self.to(h));
         let middle = p.midpoint(q);
         let along = (q - p).normalize_or_zero();
@@ -138,38 +197,27 @@ impl<'m> Stencils<'m> {
             (None, Some(b)) => (mirror(from_middle(b)), from_middle(b), Rule::R6),
             (None, None) => (DVec3::ZERO, DVec3::ZERO, Rule::Midpoint),
         };
-        // before    p    new    q    after
-        //   o-------o-----x-----o------o
-        // -1/16   9/16        9/16   -1/16
-        let point = middle - (before + after) / 16.0;
-        Proposal { point, rule, expected: [before, after].map(|w| across(w) / -8.0) }
+        let expected = [before, after].map(|w| across(w) / -8.0);
+        Site { h, rule, expected, ends: Ends::OnCurve([before, after]) }
     }
 
     /// The surface rules, for an edge that is no cut.
-    fn place_in_surface(&self, h: Half, twin: Half) -> Proposal {
+    fn look_in_surface(&self, h: Half, twin: Half) -> Site {
         let (p, q) = (self.sector(h), self.sector(twin));
-        let (point, rule) = match (p.end.is_regular(), q.end.is_regular()) {
-            (true, true) => self.place_regular((h, p.end), (twin, q.end)),
-            (false, false) => (self.wish(h, p).midpoint(self.wish(twin, q)), Rule::Mean),
-            (false, true) => (self.wish(h, p), p.end.extraordinary_rule()),
-            (true, false) => (self.wish(twin, q), q.end.extraordinary_rule()),
-        };
         let expected = expected_by_normals(self.to(h) - self.from(h), self.normal(p), self.normal(q));
-        Proposal { point, rule, expected }
+        Site { h, rule: surface_rule(p.end, q.end), expected, ends: Ends::InSurface(twin, [p, q]) }
     }
 
     /// The rules for two regular ends, each given with the half-edge that leaves it.
-    fn place_regular(&self, (h, p): (Half, End), (twin, q): (Half, End)) -> (DVec3, Rule) {
-        match (p, q) {
-            (End::Interior { .. }, End::Interior { .. }) => (self.place_r1(h, twin), Rule::R1),
-            (End::Interior { .. }, End::Crease { i, .. }) => (self.place_r3(h, twin, i), Rule::R3),
-            (End::Crease { i, .. }, End::Interior { .. }) => (self.place_r3(twin, h, i), Rule::R3),
+    fn place_regular(&self, (h, p): (Half, Sector), (twin, q): (Half, Sector)) -> DVec3 {
+        match (p.end, q.end) {
+            (End::Interior { .. }, End::Interior { .. }) => self.place_r1(h, twin),
+            (End::Interior { .. }, End::Crease { i, .. }) => self.place_r3(h, twin, i),
+            (End::Crease { i, .. }, End::Interior { .. }) => self.place_r3(twin, h, i),
             // The curve passes on the right of a half-edge at spoke 1, on the left of one at spoke 2. Seen
             // from the other end, sides change.
-            (End::Crease { i, .. }, End::Crease { i: j, .. }) if i == j => {
-                (self.place_r5(h, twin, i == 1), Rule::R5)
-            }
-            (End::Crease { i, .. }, End::Crease { .. }) => (self.place_r4(h, twin, i == 1), Rule::R4),
+            (End::Crease { i, .. }, End::Crease { i: j, .. }) if i == j => self.place_r5(h, twin, i == 1),
+            (End::Crease { i, .. }, End::Crease { .. }) => self.place_r4(h, twin, i == 1),
         }
     }
 
@@ -235,7 +283,7 @@ impl<'m> Stencils<'m> {
     }
 
     /// Where an extraordinary end would have the new vertex on the edge of `h`, which leaves it.
-    fn wish(&self, h: Half, sector: Sector) -> DVec3 {
+    fn wish(&self, (h, sector): (Half, Sector)) -> DVec3 {
         match sector.known {
             Some(known) => known.wish,
             None => wish(sector.end, &self.harmonics(sector), self.from(h), self.to(h)),
@@ -261,6 +309,21 @@ impl<'m> Stencils<'m> {
 
     fn cw(&self, h: Half) -> Half {
         self.mesh.rotate_cw(h).expect("a sector has no border inside")
+    }
+}
+
+/// The rule for an edge in a surface between these two ends.
+fn surface_rule(p: End, q: End) -> Rule {
+    match (p.is_regular(), q.is_regular()) {
+        (false, false) => Rule::Mean,
+        (false, true) => p.extraordinary_rule(),
+        (true, false) => q.extraordinary_rule(),
+        (true, true) => match (p, q) {
+            (End::Interior { .. }, End::Interior { .. }) => Rule::R1,
+            (End::Crease { i, .. }, End::Crease { i: j, .. }) if i == j => Rule::R5,
+            (End::Crease { .. }, End::Crease { .. }) => Rule::R4,
+            _ => Rule::R3,
+        },
     }
 }
 

@@ -561,10 +561,15 @@ fn any_name_will_do() {
 #[test]
 fn a_file_that_takes_too_long_is_given_up() {
     let place = Place::new();
-    write_mesh(&place.path("in/large.obj"), &common::sphere(if cfg!(debug_assertions) { 8 } else { 9 }));
+    write_mesh(&place.path("in/large.obj"), &common::sphere(if cfg!(debug_assertions) { 5 } else { 7 }));
     place.put("in/small.obj", TRIANGLE);
     let reason = contains("in/large.obj: took longer than 1.5 seconds");
-    place.sharpen().args(["--timeout", "1.5", "--report", "r"]).assert().code(1).stderr(reason);
+    place
+        .sharpen()
+        .args(["--timeout", "1.5", "--bend", "4", "--report", "r"])
+        .assert()
+        .code(1)
+        .stderr(reason);
     assert_eq!(place.statuses("r"), statuses([("large.obj", "failed"), ("small.obj", "ok")]));
     assert!(place.report("r")["large.obj"]["seconds"].as_f64().unwrap() >= 1.5);
     assert_eq!(place.files("out"), ["small.obj"]);

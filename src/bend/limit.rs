@@ -61,14 +61,15 @@ impl<'a> Draft<'a> {
         edges: &'a [Half],
         shifts: Vec<DVec3>,
     ) -> Self {
+        let faces = || (0..mesh.n_faces()).into_par_iter().map(Face::new);
         let area = |f: Face| {
             let [a, b, c] = mesh.triangle(f);
             (b - a).cross(c - a)
         };
-        let beside = |h: &Half| mesh.twin(*h).filter(|_| !stencils.is_cut(*h)).map(Half::face);
-        let around = |f: Face| area(f) + f.halves().iter().filter_map(beside).map(area).sum::<DVec3>();
-        let faces: Vec<Face> = mesh.face_ids().collect();
-        let surface: Vec<_> = faces.par_iter().map(|&f| around(f).normalize_or_zero()).collect();
+        let areas: PerFace<DVec3> = faces().map(area).collect::<Vec<_>>().into();
+        let beside = |h: &Half| mesh.twin(*h).filter(|_| !stencils.is_cut(*h)).map(|twin| areas[twin.face()]);
+        let around = |f: Face| areas[f] + f.halves().iter().filter_map(beside).sum::<DVec3>();
+        let surface: Vec<_> = faces().map(|f| around(f).normalize_or_zero()).collect();
         Self {
             mesh,
             inserts,
@@ -83,7 +84,10 @@ impl<'a> Draft<'a> {
     /// Takes vertices back until no face objects; gives how many were.
     pub(super) fn retreat(&mut self) -> usize {
         let mesh = self.mesh;
-        let mut faces: Vec<Face> = mesh.face_ids().collect();
+        // Where nothing wants to move nobody has anything to object to.
+        let is_still = |f: Face| self.has_no_way(f) && self.neighbours(f).all(|g| self.has_no_way(g));
+        let all = (0..mesh.n_faces()).into_par_iter().map(Face::new);
+        let mut faces: Vec<Face> = all.filter(|&f| !is_still(f)).collect();
         while !faces.is_empty() {
             let objections = faces.par_iter().flat_map_iter(|&f| self.objections(f));
             let mut halves: Vec<Half> = objections.map(|h| self.edges[self.slot(h)]).collect();
@@ -97,8 +101,9 @@ impl<'a> Draft<'a> {
                 faces.extend([Some(h), mesh.twin(h)].into_iter().flatten().map(Half::face));
             }
             // An edge is looked at from one of its faces: the neighbours must look again as well.
-            for f in 0..faces.len() {
-                faces.extend(faces[f].halves().iter().filter_map(|&h| mesh.twin(h)).map(Half::face));
+            for i in 0..faces.len() {
+                let beside = faces[i];
+                faces.extend(self.neighbours(beside));
             }
             faces.par_sort_unstable();
             faces.dedup();
@@ -108,7 +113,17 @@ impl<'a> Draft<'a> {
 
     /// Where the new vertices are now.
     pub(super) fn into_points(self) -> Vec<DVec3> {
-        (0..self.shifts.len()).map(|slot| self.point(slot)).collect()
+        (0..self.shifts.len()).into_par_iter().map(|slot| self.point(slot)).collect()
+    }
+
+    /// Whether all new vertices of `f` want to stay in the middle.
+    fn has_no_way(&self, f: Face) -> bool {
+        let stays = |h: Half| !self.inserts.on_edge[h].is_some() || self.shifts[self.slot(h)] == DVec3::ZERO;
+        f.halves().into_iter().all(stays)
+    }
+
+    fn neighbours(&self, f: Face) -> impl Iterator<Item = Face> + '_ {
+        f.halves().into_iter().filter_map(|h| self.mesh.twin(h)).map(Half::face)
     }
 
     fn slot(&self, h: Half) -> usize {

@@ -48,8 +48,17 @@ pub(super) struct Sector {
     pub first: Half,
     /// What the vertex is there.
     pub end: End,
+    /// The unit normal of the sector, where it is known beforehand.
+    pub normal: Option<DVec3>,
     /// What was summed beforehand, at a wide end.
     pub known: Option<Known>,
+}
+
+impl Sector {
+    /// A sector of which nothing is known beforehand.
+    fn new(first: Half, end: End) -> Self {
+        Self { first, end, normal: None, known: None }
+    }
 }
 
 /// What is summed over all neighbours of an end.
@@ -67,18 +76,39 @@ impl Stencils<'_> {
     /// Based on: Max 1999, whose weights make it exact on a sphere however the faces lie. Weights by area
     /// or angle tell slivers on a curved surface from noise less well.
     pub(super) fn normal(&self, sector: Sector) -> DVec3 {
-        if let Some(known) = sector.known {
-            return known.normal;
+        if let Some(normal) = sector.normal {
+            return normal;
         }
         let centre = self.from(sector.first);
-        let mut sum = DVec3::ZERO;
-        for h in self.halves_of(sector) {
-            let (a, b) = (self.to(h) - centre, self.opposite(h) - centre);
-            // A face without area has no say, rather than too much.
-            let weighted = a.cross(b) / (a.length_squared() * b.length_squared());
-            sum += if weighted.is_finite() { weighted } else { DVec3::ZERO };
-        }
+        let sum: DVec3 = self.halves_of(sector).map(|h| self.weighted_normal(centre, h)).sum();
         sum.normalize_or_zero()
+    }
+
+    /// What the triangle of `h`, which leaves `centre`, adds to the normal there.
+    fn weighted_normal(&self, centre: DVec3, h: Half) -> DVec3 {
+        let (a, b) = (self.to(h) - centre, self.opposite(h) - centre);
+        // A face without area has no say, rather than too much.
+        let weighted = a.cross(b) / (a.length_squared() * b.length_squared());
+        if weighted.is_finite() { weighted } else { DVec3::ZERO }
+    }
+
+    /// The unit normal of `v` where all its triangles are one sector without any cut edge: what each edge
+    /// there would else sum by itself.
+    pub(super) fn round_normal(&self, v: Vert) -> Option<DVec3> {
+        let leaving = self.mesh.leaving(v);
+        if leaving.len() > WIDE {
+            return None;
+        }
+        let (first, centre) = (*leaving.first()?, self.mesh.point(v));
+        let (mut h, mut sum) = (first, DVec3::ZERO);
+        for n in 0..leaving.len() {
+            if self.is_cut[h] || n > 0 && h == first {
+                return None; // A cut, or one of several fans.
+            }
+            sum += self.weighted_normal(centre, h);
+            h = self.mesh.rotate_ccw(h)?;
+        }
+        (h == first).then(|| sum.normalize_or_zero())
     }
 
     /// The half-edges that leave the vertex in a sector, one per triangle.
@@ -89,10 +119,15 @@ impl Stencils<'_> {
 
     /// The sector of `h`, which leaves the end and is no cut. Walks over at most [`WIDE`] triangles.
     pub(super) fn sector(&self, h: Half) -> Sector {
+        let v = self.mesh.from(h);
+        if let Some(normal) = self.rounds[v] {
+            let end = End::Interior { k: self.mesh.leaving(v).len() };
+            return Sector { normal: Some(normal), ..Sector::new(h, end) };
+        }
         match self.wide.binary_search_by_key(&h, |&(h, ..)| h) {
             Ok(found) => {
                 let (_, end, known) = self.wide[found];
-                Sector { first: h, end, known: Some(known) }
+                Sector { first: h, end, normal: Some(known.normal), known: Some(known) }
             }
             Err(_) => self.walk_sector(h),
         }
@@ -104,7 +139,7 @@ impl Stencils<'_> {
         while !self.is_cut[last.prev()] {
             last = self.ccw(last);
             if last == h {
-                return Sector { first: h, end: End::Interior { k }, known: None };
+                return Sector::new(h, End::Interior { k });
             }
             k += 1;
         }
@@ -116,9 +151,9 @@ impl Stencils<'_> {
         k += i;
         if self.mesh.twin(first) == Some(last.prev()) {
             // One cut edge alone: a dead end.
-            return Sector { first: h, end: End::Interior { k }, known: None };
+            return Sector::new(h, End::Interior { k });
         }
-        Sector { first, end: End::Crease { k, i }, known: None }
+        Sector::new(first, End::Crease { k, i })
     }
 
     /// The sums over the neighbours in a sector that the rules for extraordinary ends are made of.

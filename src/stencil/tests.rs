@@ -457,8 +457,7 @@ fn wide_ends_follow_the_same_rules_as_narrow_ones() {
     ] {
         let m = cone(n, is_closed);
         let stencils = Stencils::new(&m, &tags(&sharp));
-        let blank =
-            Stencils { wide: Vec::new(), is_cut: stencils.is_cut.clone(), knots: Knots::of(&m), mesh: &m };
+        let blank = Stencils::bare(&m, stencils.is_cut.clone());
         assert_eq!(stencils.wide.is_empty(), n == sector::WIDE);
         for h in m.edges() {
             let (known, walked) = (stencils.place(h), blank.place(h));

@@ -94,10 +94,8 @@ fn oracle(bytes: &[u8]) -> Option<Vec<[[u64; 3]; 3]>> {
         let mut words = line.split_ascii_whitespace();
         match words.next() {
             Some("f") => {
-                let mut corners: Vec<_> = words.map(|word| word.split('/').next()).collect();
-                corners.sort_unstable();
-                corners.dedup();
-                corners.len() == 3
+                let corners: Vec<_> = words.map(|word| word.split('/').next()).collect();
+                corners.len() == 3 && (0..3).all(|i| corners[i] != corners[(i + 1) % 3])
             }
             Some("v") => matches!(words.count(), 3 | 6),
             _ => true,
