@@ -109,6 +109,46 @@ fn the_report_counts_what_the_line_says() {
     assert!(report["seconds"]["classify"].as_f64().unwrap() >= 0.0);
 }
 
+/// The files that the tool is measured on, where they are at hand.
+fn reference_inputs() -> Vec<PathBuf> {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data/inputs");
+    let Ok(entries) = fs::read_dir(&path) else {
+        eprintln!("skipped: {} is not there", path.display());
+        return Vec::new();
+    };
+    entries.map(|entry| entry.unwrap().path()).collect()
+}
+
+#[test]
+fn where_nothing_is_found_the_file_comes_back_byte_for_byte() {
+    let (folder, cube) = folder_with_cube();
+    let odd = folder.path().join("odd.obj");
+    fs::write(&odd, "# odd\r\nv 0 0 0.10\nv +1 0 0\nv 0 1e0 0\n\ng a  b\nf 1 2 \\\n3").unwrap();
+    let out = folder.path().join("out.obj");
+    for input in [cube, odd].into_iter().chain(reference_inputs()) {
+        sharpen().args(["-q", "--smooth-angle", "0"]).arg(&input).arg(&out).assert().success();
+        assert!(fs::read(&input).unwrap() == fs::read(&out).unwrap(), "{}", input.display());
+    }
+}
+
+#[test]
+fn positions_survive_the_way_through_a_ply_bit_for_bit() {
+    let (folder, cube) = folder_with_cube();
+    let [ply, back] = ["way.ply", "back.obj"].map(|name| folder.path().join(name));
+    let pass = |from: &Path, to: &Path| {
+        sharpen().args(["-q", "--smooth-angle", "0"]).arg(from).arg(to).assert().success();
+    };
+    for input in [cube].into_iter().chain(reference_inputs()) {
+        pass(&input, &ply);
+        pass(&ply, &back);
+        let (before, after) = (io::read(&input).unwrap(), io::read(&back).unwrap());
+        let bits = |model: &io::Model| -> Vec<[u64; 3]> {
+            model.points.iter().map(|p| p.to_array().map(f64::to_bits)).collect()
+        };
+        assert!(bits(&before) == bits(&after) && before.faces == after.faces, "{}", input.display());
+    }
+}
+
 #[test]
 fn the_painted_classes_are_a_ply_of_the_input() {
     let (folder, cube) = folder_with_cube();
