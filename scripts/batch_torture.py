@@ -134,7 +134,12 @@ class Torture:
     def start(self, output: str, *flags: str) -> subprocess.Popen:
         report = f"{output}.jsonl"
         command = [self.arguments.binary, "-q", "--report", report, *flags, *self.arguments.flags, "in", output]
-        return subprocess.Popen(command, cwd=self.place, stderr=subprocess.DEVNULL)
+        with open(self.place / "said", "wb") as said:
+            return subprocess.Popen(command, cwd=self.place, stderr=said)
+
+    def said(self) -> str:
+        """What the last run said on standard error."""
+        return (self.place / "said").read_text(errors="replace")
 
     def check_whole(self) -> dict[str, int]:
         """All outputs that are there are whole; when they were written comes back."""
@@ -185,7 +190,7 @@ class Torture:
                 time.sleep(0.0005)
             time.sleep(self.random.uniform(0, 0.005))
             was_killed = self.kill(run)
-            check(was_killed, "a run ended before it could be killed")
+            check(was_killed, f"a run ended before it could be killed; {self.said()}")
             n_killed += 1
             after = self.check_whole()
             check(before.keys() <= after.keys(), "an output has gone")
@@ -201,9 +206,10 @@ class Torture:
         status = self.start("out", "--resume").wait()
         seconds = time.monotonic() - begin
         check(status == (1 if broken else 0), f"exit status {status} in the end")
+        check("another run" not in self.said(), "in the end: a dead run keeps the folder locked")
         after = self.check_whole()
         n_repeated += sum(after[name] != when for name, when in before.items())
-        check(set(after) == set(self.expected), "in the end: outputs are missing")
+        check(set(after) == set(self.expected), f"in the end: outputs are missing; {self.said()}")
         check(not temporaries(place), "in the end: temporary files are left")
         check(report_lines(place / "out.jsonl") == calm, "in the end: the report is another one")
         # Each kill catches at most the files that are being worked on.

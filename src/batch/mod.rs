@@ -69,6 +69,9 @@ pub fn sharpen_folder(arguments: &Arguments) -> Result<ExitCode> {
     Ok(if books.progress.counts.failed == 0 { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }
 
+/// So long a run waits for the lock of a run before it that was killed.
+const LOCK_PATIENCE: Duration = Duration::from_secs(1);
+
 /// Makes the output folder and keeps other runs out of it as long as what comes back lives.
 fn open_output(arguments: &Arguments) -> Result<Option<File>> {
     let output = &arguments.output;
@@ -83,8 +86,13 @@ fn open_output(arguments: &Arguments) -> Result<Option<File>> {
     }
     // Where a folder cannot be opened or locked, nothing is kept out.
     let Ok(folder) = File::open(output) else { return Ok(None) };
-    if let Err(TryLockError::WouldBlock) = folder.try_lock() {
-        bail!("{}: another run is writing into this folder", display_name(output));
+    // What a killed run has just forked holds the lock until it starts its program or dies.
+    let patience = Instant::now() + LOCK_PATIENCE;
+    while let Err(TryLockError::WouldBlock) = folder.try_lock() {
+        if Instant::now() > patience {
+            bail!("{}: another run is writing into this folder", display_name(output));
+        }
+        std::thread::sleep(Duration::from_millis(10));
     }
     Ok(Some(folder))
 }
