@@ -70,6 +70,12 @@ pub struct Fit {
 }
 
 impl Fit {
+    /// Whether it is a plane.
+    #[must_use]
+    pub fn is_plane(&self) -> bool {
+        self.coefficients[3..] == [0.0; 3]
+    }
+
     /// A plane through `origin` with unit `normal`.
     #[must_use]
     pub fn plane(origin: DVec3, normal: DVec3, source: FitSource) -> Self {

@@ -88,7 +88,8 @@ pub fn against_tobj(bytes: &[u8]) {
 /// The triangles that tobj reads, in order, as bits; none if it refuses or is known to be wrong.
 fn oracle(bytes: &[u8]) -> Option<Vec<[[u64; 3]; 3]>> {
     // It cuts polygons its own way, takes a face that names a vertex twice for a point or a line, divides by
-    // a fourth coordinate, and knows neither continued lines nor comments behind a statement.
+    // a fourth coordinate, takes a line of three points for a face, and knows neither continued lines nor
+    // comments behind a statement.
     let text = std::str::from_utf8(bytes).ok()?;
     let is_plain = |line: &str| {
         let mut words = line.split_ascii_whitespace();
@@ -98,6 +99,7 @@ fn oracle(bytes: &[u8]) -> Option<Vec<[[u64; 3]; 3]>> {
                 corners.len() == 3 && (0..3).all(|i| corners[i] != corners[(i + 1) % 3])
             }
             Some("v") => matches!(words.count(), 3 | 6),
+            Some("l" | "p") => false,
             _ => true,
         }
     };
