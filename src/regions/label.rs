@@ -49,7 +49,7 @@ const MIN_TASK: usize = 1024;
 
 /// Steps 3 to 5: gives each doubtful vertex the fit of the smooth region that explains it best.
 pub(super) fn explain_by_regions(surface: &Surface) -> VertexFits {
-    let mut fits = VertexFits::none(surface.mesh.n_verts(), surface.doubtful());
+    let mut fits = VertexFits::none(surface.mesh.n_verts(), surface.doubtful.clone());
     let per_h = surface.h.recip();
     let explain = |(patch, samples, fitter): &mut (Patch, Vec<Sample>, Fitter), &v: &Vert| {
         patch.search(surface, surface, v);

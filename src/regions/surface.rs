@@ -13,6 +13,14 @@ use crate::mesh::{Face, Half, Mesh, PerFace, PerVert, Vert};
 /// slanted chamfer vertices. Measured: 3 as good as 4; 1 (no minimum), 6 and 10 worse.
 const MIN_REGION: usize = 4;
 
+/// Chamfers are looked for near edges that bend by this much, in radians: 8 degrees. A crease of 35 degrees
+/// over edges that bend less is a round of more than four edges, and no chamfer. Finely sampled parts have
+/// most of their doubtful vertices on rounds that bend by a degree or two: there this saves two thirds of the
+/// work. On 25 of 31 inputs every doubtful vertex is near such an edge.
+const BENT_ANGLE: f64 = 8.0 * std::f64::consts::PI / 180.0;
+/// Near are this many rings: more than a patch reaches where triangles are well shaped.
+const BENT_RINGS: usize = 5;
+
 /// What all steps read: the mesh, and what steps 1 and 2 say about its vertices.
 pub(super) struct Surface<'a> {
     pub mesh: &'a Mesh,
@@ -22,6 +30,9 @@ pub(super) struct Surface<'a> {
     pub interior: PerVert<bool>,
     pub deep: PerVert<bool>,
     pub red_face: PerFace<bool>,
+    /// Vertices that are not interior, and the interior ones next to them, ascending: those near an edge that
+    /// bends. None where no region is smooth: then there is nothing to doubt by.
+    pub doubtful: Vec<Vert>,
     pub near: Near,
 }
 
@@ -31,20 +42,15 @@ impl<'a> Surface<'a> {
         let core = core_faces(mesh, &interior);
         let red_face = flood_over_smooth_edges(mesh, &labels.smooth_edge, core);
         let h = mean_edge_length(mesh);
-        let near = Near::default();
-        let mut surface = Self { mesh, face_normals, h, interior, deep, red_face, near };
-        surface.near = Near::around(&surface, &surface.doubtful());
-        surface
-    }
-
-    /// Vertices that are not interior, and the interior ones next to them, ascending. None where no region
-    /// is smooth: then there is nothing to doubt by.
-    pub fn doubtful(&self) -> Vec<Vert> {
-        if !self.interior.as_slice().contains(&true) {
-            return Vec::new();
+        let mut doubtful = Vec::new();
+        if interior.as_slice().contains(&true) {
+            doubtful = near_bends(mesh, face_normals, labels);
+            doubtful.retain(|&v| !deep[v]);
         }
-        let is_doubtful = |v: &Vert| !self.deep[*v] && !self.mesh.leaving(*v).is_empty();
-        (0..self.mesh.n_verts()).into_par_iter().map(Vert::new).filter(is_doubtful).collect()
+        let near = Near::default();
+        let mut surface = Self { mesh, face_normals, h, interior, deep, red_face, doubtful, near };
+        surface.near = Near::around(&surface, &surface.doubtful);
+        surface
     }
 
     /// The vertices that share an edge with `v`, which is doubtful, each once.
@@ -100,6 +106,34 @@ fn interior_and_deep(mesh: &Mesh, interior: &PerVert<bool>) -> (PerVert<bool>, P
         (interior[v], deep[v]) = (false, false);
     }
     (interior, deep)
+}
+
+/// The vertices near an edge that is not smooth and bends by [`BENT_ANGLE`] at least, ascending.
+fn near_bends(mesh: &Mesh, face_normals: &PerFace<DVec3>, labels: &Labels) -> Vec<Vert> {
+    let bends = |&h: &Half| {
+        let Some(twin) = mesh.twin(h).filter(|_| !labels.smooth_edge[h]) else { return false };
+        let (n, m) = (face_normals[h.face()], face_normals[twin.face()]);
+        n != DVec3::ZERO && m != DVec3::ZERO && n.dot(m) < BENT_ANGLE.cos()
+    };
+    let has_bend = |v: Vert| !labels.interior_vertex[v] && mesh.leaving(v).iter().any(bends);
+    let mut found = filter_verts(mesh, has_bend);
+    let mut is_found = PerVert::filled(mesh.n_verts(), false);
+    found.iter().for_each(|&v| is_found[v] = true);
+    let mut round = Vec::new();
+    let mut ring_start = 0;
+    for _ in 0..BENT_RINGS {
+        let ring = ring_start..found.len();
+        ring_start = found.len();
+        for i in ring {
+            for &w in neighbours(mesh, found[i], &mut round) {
+                if !std::mem::replace(&mut is_found[w], true) {
+                    found.push(w);
+                }
+            }
+        }
+    }
+    found.par_sort_unstable();
+    found
 }
 
 fn is_in_large_region(mesh: &Mesh, interior: &PerVert<bool>, v: Vert) -> bool {
