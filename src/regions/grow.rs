@@ -49,13 +49,14 @@ pub(super) fn grow(surface: &Surface, fits: &mut VertexFits, far: f64, limit: f6
         (!surface.interior[v]).then_some(Carried { place, normal: fit.normal })
     };
     let mut labels: Vec<Option<Carried>> =
-        fits.verts.iter().zip(&fits.fits).map(|(&v, fit)| carried(v, fit.as_ref()?)).collect();
+        surface.near.verts.iter().map(|&v| carried(v, fits.get(v)?)).collect();
     let is_open = |v: Vert, fit: Option<&Fit>| {
         !surface.interior[v] && fit.is_none_or(|fit| fit.displacement.abs() > far)
     };
     for _ in 0..ROUNDS {
         let explain = |scratch: &mut Scratch, fits: &VertexFits, v| {
-            let found = Grown { surface, fits, labels: &labels, centre: v }.explain(scratch, limit)?;
+            let found =
+                Grown { surface, labels: &labels, centre: surface.near.of[v] }.explain(scratch, limit)?;
             let is_better = |old: &Fit| score(&found) < score(old) - CLEARLY_BETTER;
             fits.get(v).is_none_or(is_better).then_some(found)
         };
@@ -64,8 +65,7 @@ pub(super) fn grow(surface: &Surface, fits: &mut VertexFits, far: f64, limit: f6
             break;
         }
         for v in found {
-            let slot = fits.slot[v] as usize;
-            labels[slot] = fits.fits[slot].as_ref().and_then(|fit| carried(v, fit));
+            labels[surface.near.of[v] as usize] = fits.get(v).and_then(|fit| carried(v, fit));
         }
     }
 }
@@ -88,21 +88,21 @@ struct Carried {
 /// The smooth regions, grown by the vertices that they explain, as `centre` sees them: without itself.
 struct Grown<'a> {
     surface: &'a Surface<'a>,
-    fits: &'a VertexFits,
-    /// In the order of `fits`.
+    /// Of the near vertices.
     labels: &'a [Option<Carried>],
-    centre: Vert,
+    centre: u32,
 }
 
 impl Regions for Grown<'_> {
     #[inline]
-    fn is_member(&self, v: Vert) -> bool {
-        self.surface.interior[v] || (v != self.centre && self.label(v).is_some())
+    fn is_member(&self, v: u32) -> bool {
+        self.surface.near.interior[v as usize] || (v != self.centre && self.labels[v as usize].is_some())
     }
 
     /// Whether the two tangent planes agree.
-    fn are_joined(&self, v: Vert, w: Vert) -> bool {
-        if self.surface.interior[v] && self.surface.interior[w] {
+    fn are_joined(&self, v: u32, w: u32) -> bool {
+        let interior = &self.surface.near.interior;
+        if interior[v as usize] && interior[w as usize] {
             return true;
         }
         let (a, b) = (self.member(v), self.member(w));
@@ -115,28 +115,23 @@ impl Regions for Grown<'_> {
 }
 
 impl Grown<'_> {
-    #[inline]
-    fn label(&self, v: Vert) -> Option<Carried> {
-        *self.labels.get(self.fits.slot[v] as usize)?
-    }
-
-    fn member(&self, v: Vert) -> Carried {
-        let (place, normal) = (self.surface.mesh.point(v), self.surface.normal(v));
-        self.label(v).unwrap_or(Carried { place, normal })
+    fn member(&self, v: u32) -> Carried {
+        let (place, normal) = (self.surface.near.points[v as usize], self.surface.near.normals[v as usize]);
+        self.labels[v as usize].unwrap_or(Carried { place, normal })
     }
 
     /// The fit of the region that explains the centre best.
     fn explain(&self, Scratch { patch, samples, fitter }: &mut Scratch, limit: f64) -> Option<Fit> {
-        patch.search(self.surface, self, self.centre);
-        let origin = self.surface.mesh.point(self.centre);
+        patch.search(self.surface, self, self.surface.near.verts[self.centre as usize]);
+        let origin = self.surface.near.points[self.centre as usize];
         best(patch.clusters(), self.surface.h.recip(), |cluster| {
             let members = patch.members(cluster);
-            let is_new = |member: &Member| !self.surface.interior[member.vertex];
+            let is_new = |member: &Member| !self.surface.near.interior[member.near as usize];
             if members.len() < MIN_MEMBERS || !members.iter().any(is_new) {
                 return None; // The interior vertices by themselves did not explain it.
             }
             let sample = |member: &Member| {
-                let Carried { place, normal } = self.member(member.vertex);
+                let Carried { place, normal } = self.member(member.near);
                 let trust = if self.surface.deep[member.vertex] { 1.0 } else { SHALLOW_TRUST };
                 Sample { offset: (place - origin) / self.surface.h, normal, trust }
             };
@@ -148,7 +143,7 @@ impl Grown<'_> {
 
     fn is_good(&self, fit: &Fit, limit: f64) -> bool {
         let cosine = |h: &Half| self.surface.face_normals[h.face()].dot(fit.normal);
-        let mut faces = self.surface.mesh.leaving(self.centre).iter();
+        let mut faces = self.surface.mesh.leaving(self.surface.near.verts[self.centre as usize]).iter();
         fit.rms <= MAX_RMS
             && fit.displacement.abs() < limit
             && faces.any(|h| cosine(h) >= FOLLOWING_ANGLE.cos())
@@ -160,6 +155,7 @@ mod tests {
     use super::*;
     use crate::mesh::Mesh;
     use crate::regions::label::tests::surface;
+    use crate::regions::near::Near;
     use crate::regions::patch::tests::strip;
     use crate::regions::tests::{cut_cube, labels};
     use approx::assert_relative_eq;
@@ -198,6 +194,7 @@ mod tests {
         assert_eq!(grown(&surface, 0.05).iter().count(), 2 * 5, "farther than the limit");
         // Interior vertices alone are no news.
         surface.interior = m.verts().map(|v| v.index() < 10).collect::<Vec<_>>().into();
+        surface.near = Near::around(&surface, &m.verts().collect::<Vec<_>>());
         let mut none = columns(&m, |_| None, 0.0);
         grow(&surface, &mut none, 0.15, 0.2);
         assert_eq!(none.iter().count(), 0);

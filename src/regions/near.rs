@@ -21,8 +21,10 @@ pub(super) struct Near {
     /// The vertex of each number.
     pub verts: Vec<Vert>,
     pub points: Vec<DVec3>,
-    /// Unit normals of all faces.
+    /// Unit normals of all faces, where they are interior; else zero.
     pub normals: Vec<DVec3>,
+    /// Which of them are interior.
+    pub interior: Vec<bool>,
     starts: Vec<u32>,
     /// The numbers of the neighbours that are near.
     neighbours: Vec<u32>,
@@ -41,8 +43,15 @@ impl Near {
             near.neighbours.extend(numbers.filter(|&w| w != u32::MAX));
             near.starts.push(near.neighbours.len() as u32);
         }
-        (near.points, near.normals) =
-            near.verts.par_iter().map(|&v| (mesh.point(v), surface.normal_of(v, |_| true))).unzip();
+        near.points = near.verts.iter().map(|&v| mesh.point(v)).collect();
+        near.interior = near.verts.iter().map(|&v| surface.interior[v]).collect();
+        // In the order of the file, in which what they read lies together.
+        let is_sample = |v: &Vert| near.of[*v] != u32::MAX && surface.interior[*v];
+        let normal = |v: Vert| (near.of[v], surface.normal_of(v, |_| true));
+        let samples = (0..mesh.n_verts()).into_par_iter().map(Vert::new).filter(is_sample);
+        let found: Vec<(u32, DVec3)> = samples.map(normal).collect();
+        near.normals = vec![DVec3::ZERO; near.verts.len()];
+        found.into_iter().for_each(|(i, normal)| near.normals[i as usize] = normal);
         near
     }
 
@@ -176,7 +185,9 @@ mod tests {
         let found = |surface: &Surface, centres: &[usize]| {
             let near = Near::around(surface, &centres.iter().map(|&v| Vert::new(v)).collect::<Vec<_>>());
             for (i, &v) in near.verts.iter().enumerate() {
-                assert_eq!((near.of[v] as usize, near.points[i], near.normals[i]), (i, m.point(v), DVec3::Z));
+                assert_eq!((near.of[v] as usize, near.points[i]), (i, m.point(v)));
+                let normal = if surface.interior[v] { DVec3::Z } else { DVec3::ZERO };
+                assert_eq!((near.normals[i], near.interior[i]), (normal, surface.interior[v]));
                 let mut round = Vec::new();
                 let near_round = neighbours(&m, v, &mut round).iter().filter(|&&w| near.of[w] != u32::MAX);
                 let listed = near.neighbours(i as u32).iter().map(|&w| near.verts[w as usize]);

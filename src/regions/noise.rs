@@ -16,10 +16,11 @@ use glam::DVec3;
 use super::VertexFits;
 use super::gates::ends_of;
 use super::label::explain_those;
+use super::near::Near;
 use super::patch::{Member, Patch, Regions};
 use super::surface::Surface;
 use crate::fit::{Fit, FitSource, Fitter, Sample};
-use crate::mesh::{Half, PerVert, Vert};
+use crate::mesh::{Half, Vert};
 
 /// A mesh is noisy when the median residual (in h) is larger than this; where samples are exact it is .007 at
 /// most ...
@@ -85,15 +86,10 @@ pub(super) fn zone_of(surface: &Surface, chamfers: &[Half]) -> Vec<Vert> {
 
 /// Fits the regions of the vertices of `zone` again, from all their vertices alike.
 pub(super) fn fit_again(surface: &Surface, fits: &mut VertexFits, zone: &[Vert]) {
-    let mut normals = PerVert::filled(surface.mesh.n_verts(), DVec3::ZERO);
-    for (&v, &normal) in surface.near.verts.iter().zip(&surface.near.normals) {
-        if surface.interior[v] {
-            normals[v] = normal;
-        }
-    }
-    for (v, fit) in fits.iter().filter(|(_, fit)| fit.source == FitSource::Region) {
-        normals[v] = fit.normal;
-    }
+    let Near { verts, normals, interior, .. } = &surface.near;
+    let label = |v: Vert| fits.get(v).filter(|fit| fit.source == FitSource::Region).map(|fit| fit.normal);
+    let own = |i: usize| if interior[i] { normals[i] } else { DVec3::ZERO };
+    let normals = verts.iter().enumerate().map(|(i, &v)| label(v).unwrap_or(own(i))).collect();
     let regions = Labelled { normals };
     let is_open = |v: Vert, fit: Option<&Fit>| {
         fit.is_some_and(|fit| fit.source == FitSource::Region) && zone.binary_search(&v).is_ok()
@@ -102,7 +98,7 @@ pub(super) fn fit_again(surface: &Surface, fits: &mut VertexFits, zone: &[Vert])
     explain_those(fits, is_open, |(patch, samples, fitter): &mut Scratch, fits, v| {
         patch.search(surface, &regions, v);
         let sample = |member: &Member| {
-            let (offset, normal) = (member.offset / surface.h, regions.normals[member.vertex]);
+            let (offset, normal) = (member.offset / surface.h, regions.normals[member.near as usize]);
             (offset.length_squared() <= REACH * REACH).then_some(Sample { offset, normal, trust: 1.0 })
         };
         samples.clear();
@@ -120,17 +116,17 @@ pub(super) fn fit_again(surface: &Surface, fits: &mut VertexFits, zone: &[Vert])
 
 /// The vertices that have a label, or are interior, joined where their normals agree.
 struct Labelled {
-    /// Zero for all others.
-    normals: PerVert<DVec3>,
+    /// Of the near vertices; zero for all others.
+    normals: Vec<DVec3>,
 }
 
 impl Regions for Labelled {
-    fn is_member(&self, v: Vert) -> bool {
-        self.normals[v] != DVec3::ZERO
+    fn is_member(&self, v: u32) -> bool {
+        self.normals[v as usize] != DVec3::ZERO
     }
 
-    fn are_joined(&self, v: Vert, w: Vert) -> bool {
-        self.normals[v].dot(self.normals[w]) >= JOINED_ANGLE.cos()
+    fn are_joined(&self, v: u32, w: u32) -> bool {
+        self.normals[v as usize].dot(self.normals[w as usize]) >= JOINED_ANGLE.cos()
     }
 }
 

@@ -17,23 +17,23 @@ pub(super) const REACH_IN_REGION: f64 = 4.5;
 /// a mesh with most of its vertices in one place would take time in the square of their number.
 pub(super) const MAX_MEMBERS: usize = 1024;
 
-/// What the regions of a patch consist of.
+/// What the regions of a patch consist of. Vertices go by their numbers among the near ones.
 pub(super) trait Regions {
     /// Whether `v` is part of a region.
-    fn is_member(&self, v: Vert) -> bool;
+    fn is_member(&self, v: u32) -> bool;
     /// Whether the neighbours `v` and `w`, both part of a region, are part of the same one.
-    fn are_joined(&self, v: Vert, w: Vert) -> bool;
+    fn are_joined(&self, v: u32, w: u32) -> bool;
 }
 
 /// The interior vertices alone, joined by any edge.
 impl Regions for Surface<'_> {
     #[inline]
-    fn is_member(&self, v: Vert) -> bool {
-        self.interior[v]
+    fn is_member(&self, v: u32) -> bool {
+        self.near.interior[v as usize]
     }
 
     #[inline]
-    fn are_joined(&self, _: Vert, _: Vert) -> bool {
+    fn are_joined(&self, _: u32, _: u32) -> bool {
         true
     }
 }
@@ -86,10 +86,9 @@ impl Patch {
         self.doubtful.clear();
         self.seeds.clear();
         self.known.clear(surface.near.verts.len());
-        let member = regions.is_member(centre);
         let centre = surface.near.of[centre];
         self.known.insert(centre);
-        if member {
+        if regions.is_member(centre) {
             self.flood_region(surface, regions, centre, centre);
             return;
         }
@@ -122,7 +121,7 @@ impl Patch {
     /// the root of `reach`.
     #[inline]
     fn enter(&mut self, surface: &Surface, regions: &impl Regions, centre: u32, v: u32, reach: f64) {
-        let Near { points, verts, .. } = &surface.near;
+        let points = &surface.near.points;
         if self.known.contains(v) {
             return;
         }
@@ -131,7 +130,7 @@ impl Patch {
             return;
         }
         self.known.insert(v);
-        if regions.is_member(verts[v as usize]) {
+        if regions.is_member(v) {
             self.flood_region(surface, regions, centre, v);
         } else {
             self.doubtful.push(v);
@@ -150,24 +149,28 @@ impl Patch {
         let mut next = first;
         let (mut nearest, mut nearest_squared) = (verts[seed as usize], offset.length_squared());
         self.members.push(Member { vertex: nearest, near: seed, offset });
-        while let Some(&Member { vertex, near, .. }) = self.members.get(next) {
+        while let Some(&Member { near, .. }) = self.members.get(next) {
             for &i in surface.near.neighbours(near) {
                 if self.known.contains(i) {
                     continue;
                 }
                 let offset = points[i as usize] - origin;
                 let squared = offset.length_squared();
-                let w = verts[i as usize];
-                let is_member = regions.is_member(w);
-                if squared > if is_member { reach_in_region } else { reach } || self.is_full() {
+                let is_member = regions.is_member(i);
+                if squared > if is_member { reach_in_region } else { reach } {
+                    self.known.insert(i); // Out of reach from wherever else the search comes upon it.
                     continue;
                 }
-                if is_member && !regions.are_joined(vertex, w) {
+                if self.is_full() {
+                    continue;
+                }
+                if is_member && !regions.are_joined(near, i) {
                     self.seeds.push(i);
                     continue;
                 }
                 self.known.insert(i);
                 if is_member {
+                    let w = verts[i as usize];
                     self.members.push(Member { vertex: w, near: i, offset });
                     if (squared, w) < (nearest_squared, nearest) {
                         (nearest, nearest_squared) = (w, squared);
@@ -283,16 +286,25 @@ pub(super) mod tests {
         assert_eq!(clusters(&strip(12), &[0, 1, 2, 4, 5], 8), [(0.0, vec![8, 9, 10, 11])]);
     }
 
-    /// All but column 10 of a strip, in two regions: below column `.0` and from there on.
-    struct TwoRegions(usize);
+    /// All but column 10 of a strip, in two regions: below column `border` and from there on.
+    struct TwoRegions<'a> {
+        near: &'a Near,
+        border: usize,
+    }
 
-    impl Regions for TwoRegions {
-        fn is_member(&self, v: Vert) -> bool {
-            v.index() / 2 != 10
+    impl TwoRegions<'_> {
+        fn column(&self, v: u32) -> usize {
+            self.near.verts[v as usize].index() / 2
+        }
+    }
+
+    impl Regions for TwoRegions<'_> {
+        fn is_member(&self, v: u32) -> bool {
+            self.column(v) != 10
         }
 
-        fn are_joined(&self, v: Vert, w: Vert) -> bool {
-            (v.index() / 2 < self.0) == (w.index() / 2 < self.0)
+        fn are_joined(&self, v: u32, w: u32) -> bool {
+            (self.column(v) < self.border) == (self.column(w) < self.border)
         }
     }
 
@@ -305,7 +317,7 @@ pub(super) mod tests {
         surface.near = Near::around(&surface, &mesh.verts().collect::<Vec<_>>());
         let found = |border| {
             let mut patch = Patch::default();
-            patch.search(&surface, &TwoRegions(border), Vert::new(20));
+            patch.search(&surface, &TwoRegions { near: &surface.near, border }, Vert::new(20));
             let of = |cluster: &Cluster| (cluster.distance(), patch.members(cluster).len());
             patch.clusters().iter().map(of).collect::<Vec<_>>()
         };

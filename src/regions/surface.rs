@@ -44,8 +44,7 @@ impl<'a> Surface<'a> {
         let h = mean_edge_length(mesh);
         let mut doubtful = Vec::new();
         if interior.as_slice().contains(&true) {
-            doubtful = near_bends(mesh, face_normals, labels);
-            doubtful.retain(|&v| !deep[v]);
+            doubtful = doubtful_near_bends(mesh, face_normals, labels, &deep);
         }
         let near = Near::default();
         let mut surface = Self { mesh, face_normals, h, interior, deep, red_face, doubtful, near };
@@ -56,12 +55,6 @@ impl<'a> Surface<'a> {
     /// The vertices that share an edge with `v`, which is doubtful, each once.
     pub fn neighbours(&self, v: Vert) -> impl Iterator<Item = Vert> + '_ {
         self.near.neighbours(self.near.of[v]).iter().map(|&w| self.near.verts[w as usize])
-    }
-
-    /// Unit normal at `v`, which is near, of all faces there.
-    #[inline]
-    pub fn normal(&self, v: Vert) -> DVec3 {
-        self.near.normals[self.near.of[v] as usize]
     }
 
     /// Unit normal at `v` of the faces there that count.
@@ -91,10 +84,9 @@ fn interior_and_deep(mesh: &Mesh, interior: &PerVert<bool>) -> (PerVert<bool>, P
     // The others are few: what is next to them is found faster than what is not.
     let others: Vec<Vert> = filter_verts(mesh, |v| !interior[v]);
     let mut deep = interior.clone();
-    let mut round = Vec::new();
     let mut beside = Vec::new();
     for &v in &others {
-        for &w in neighbours(mesh, v, &mut round) {
+        for w in corners_beside(mesh, v) {
             beside.extend(std::mem::replace(&mut deep[w], false).then_some(w));
         }
     }
@@ -108,8 +100,14 @@ fn interior_and_deep(mesh: &Mesh, interior: &PerVert<bool>) -> (PerVert<bool>, P
     (interior, deep)
 }
 
-/// The vertices near an edge that is not smooth and bends by [`BENT_ANGLE`] at least, ascending.
-fn near_bends(mesh: &Mesh, face_normals: &PerFace<DVec3>, labels: &Labels) -> Vec<Vert> {
+/// The vertices that are not deep, ascending: those that vertices like them join to an edge that is not smooth
+/// and bends by [`BENT_ANGLE`] at least.
+fn doubtful_near_bends(
+    mesh: &Mesh,
+    face_normals: &PerFace<DVec3>,
+    labels: &Labels,
+    deep: &PerVert<bool>,
+) -> Vec<Vert> {
     let bends = |&h: &Half| {
         let Some(twin) = mesh.twin(h).filter(|_| !labels.smooth_edge[h]) else { return false };
         let (n, m) = (face_normals[h.face()], face_normals[twin.face()]);
@@ -117,16 +115,15 @@ fn near_bends(mesh: &Mesh, face_normals: &PerFace<DVec3>, labels: &Labels) -> Ve
     };
     let has_bend = |v: Vert| !labels.interior_vertex[v] && mesh.leaving(v).iter().any(bends);
     let mut found = filter_verts(mesh, has_bend);
-    let mut is_found = PerVert::filled(mesh.n_verts(), false);
-    found.iter().for_each(|&v| is_found[v] = true);
-    let mut round = Vec::new();
+    let mut is_known = deep.clone();
+    found.iter().for_each(|&v| is_known[v] = true);
     let mut ring_start = 0;
     for _ in 0..BENT_RINGS {
         let ring = ring_start..found.len();
         ring_start = found.len();
         for i in ring {
-            for &w in neighbours(mesh, found[i], &mut round) {
-                if !std::mem::replace(&mut is_found[w], true) {
+            for w in corners_beside(mesh, found[i]) {
+                if !std::mem::replace(&mut is_known[w], true) {
                     found.push(w);
                 }
             }
@@ -137,12 +134,11 @@ fn near_bends(mesh: &Mesh, face_normals: &PerFace<DVec3>, labels: &Labels) -> Ve
 }
 
 fn is_in_large_region(mesh: &Mesh, interior: &PerVert<bool>, v: Vert) -> bool {
-    let mut round = Vec::new();
     let mut found = [v; MIN_REGION];
     let mut n_found = 1;
     let mut next = 0;
     while next < n_found && n_found < MIN_REGION {
-        for &w in neighbours(mesh, found[next], &mut round).iter().filter(|&&w| interior[w]) {
+        for w in corners_beside(mesh, found[next]).filter(|&w| interior[w]) {
             if n_found < MIN_REGION && !found[..n_found].contains(&w) {
                 found[n_found] = w;
                 n_found += 1;
@@ -155,6 +151,11 @@ fn is_in_large_region(mesh: &Mesh, interior: &PerVert<bool>, v: Vert) -> bool {
 
 fn filter_verts(mesh: &Mesh, holds: impl Fn(Vert) -> bool + Send + Sync) -> Vec<Vert> {
     (0..mesh.n_verts()).into_par_iter().map(Vert::new).filter(|&v| holds(v)).collect()
+}
+
+/// The vertices that share an edge with `v`, most of them twice: the other corners of its faces.
+fn corners_beside(mesh: &Mesh, v: Vert) -> impl Iterator<Item = Vert> + '_ {
+    mesh.leaving(v).iter().flat_map(|&h| [mesh.to(h), mesh.opposite(h)])
 }
 
 /// The vertices that share an edge with `v`, each once, put into `round`.
