@@ -87,9 +87,38 @@ pub fn read_bytes(path: &Path) -> Result<Vec<u8>, Error> {
         let mut bytes = Vec::new();
         std::io::stdin().lock().read_to_end(&mut bytes).map(|_| bytes)
     } else {
-        fs::read(path)
+        read_file(path)
     };
     bytes.map_err(|source| Error::file(path, "read", source))
+}
+
+/// Bytes that a thread reads at a time.
+#[cfg(unix)]
+const READ: usize = 1 << 22;
+
+/// Reads a file, a large one in pieces on all threads: copying from the system's cache takes as long as parsing.
+#[cfg(unix)]
+fn read_file(path: &Path) -> std::io::Result<Vec<u8>> {
+    use rayon::prelude::*;
+    use std::os::unix::fs::FileExt;
+    let file = fs::File::open(path)?;
+    let size = file.metadata().map_or(0, |about| if about.is_file() { about.len() } else { 0 });
+    let Some(length) = usize::try_from(size).ok().filter(|&length| length > READ) else {
+        return fs::read(path);
+    };
+    let mut bytes = vec![0; length];
+    let pieces = bytes.par_chunks_mut(READ).enumerate();
+    let read = pieces.try_for_each(|(i, piece)| file.read_exact_at(piece, (i * READ) as u64));
+    match read {
+        Ok(()) => Ok(bytes),
+        // It has become shorter meanwhile.
+        Err(_) => fs::read(path),
+    }
+}
+
+#[cfg(not(unix))]
+fn read_file(path: &Path) -> std::io::Result<Vec<u8>> {
+    fs::read(path)
 }
 
 /// Reads the OBJ mesh in `bytes`; `name` stands for the file in errors.
@@ -148,7 +177,7 @@ pub fn format_as<'a>(view: impl Into<View<'a>>, format: Format) -> Vec<u8> {
     bytes
 }
 
-fn write_to(out: &mut dyn Write, view: View, format: Format) -> std::io::Result<()> {
+fn write_to(out: &mut (dyn Write + Send), view: View, format: Format) -> std::io::Result<()> {
     match format {
         Format::Obj => obj::write(view, out),
         Format::Ply(encoding) => out.write_all(&ply::format(view, encoding)),
@@ -210,9 +239,9 @@ pub fn write_bytes(path: &Path, bytes: &[u8]) -> Result<(), Error> {
 }
 
 /// Gives the file `path` what `write` writes, in one step.
-fn put(path: &Path, write: impl FnOnce(&mut dyn Write) -> std::io::Result<()>) -> Result<(), Error> {
+fn put(path: &Path, write: impl FnOnce(&mut (dyn Write + Send)) -> std::io::Result<()>) -> Result<(), Error> {
     let written = if is_stream(path) {
-        let mut out = std::io::stdout().lock();
+        let mut out = std::io::stdout();
         write(&mut out).and_then(|()| out.flush())
     } else {
         replace(path, write)
@@ -236,7 +265,10 @@ fn looks_like(bytes: &[u8]) -> Option<&'static str> {
 }
 
 /// Gives the file `path` what `write` writes, by way of a temporary file.
-fn replace(path: &Path, write: impl FnOnce(&mut dyn Write) -> std::io::Result<()>) -> std::io::Result<()> {
+fn replace(
+    path: &Path,
+    write: impl FnOnce(&mut (dyn Write + Send)) -> std::io::Result<()>,
+) -> std::io::Result<()> {
     // A link is followed, so that the file it names is replaced and not the link.
     let target = fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
     let existing = fs::metadata(&target).ok();

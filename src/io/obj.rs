@@ -39,6 +39,19 @@ struct Counts {
     lines: usize,
 }
 
+impl Counts {
+    #[inline]
+    fn note(&mut self, statement: Kind) {
+        match statement {
+            Kind::Vertex => self.vertices += 1,
+            Kind::Face => self.faces += 1,
+            Kind::Texture => self.textures += 1,
+            Kind::Normal => self.normals += 1,
+            Kind::Other => {}
+        }
+    }
+}
+
 impl Add for Counts {
     type Output = Self;
     fn add(self, other: Self) -> Self {
@@ -164,16 +177,27 @@ fn kind(text: &mut Cursor) -> Kind {
 
 /// Counts statements and lines.
 fn count(bytes: &[u8]) -> Counts {
+    if memchr::memchr2(b'\r', b'\\', bytes).is_some() {
+        return count_carefully(bytes);
+    }
+    // Each line is a statement, and a statement at most one line.
+    let mut counts = Counts::default();
+    let mut start = 0;
+    for end in memchr::memchr_iter(b'\n', bytes) {
+        counts.note(kind(&mut Cursor::new(&bytes[start..end], 0)));
+        counts.lines += 1;
+        start = end + 1;
+    }
+    counts.note(kind(&mut Cursor::new(&bytes[start..], 0)));
+    counts
+}
+
+/// [`count`] where lines end in other ways, or go on in the next one.
+fn count_carefully(bytes: &[u8]) -> Counts {
     let mut text = Cursor::new(bytes, 0);
     let mut counts = Counts::default();
     while !text.is_at_end() {
-        match kind(&mut text) {
-            Kind::Vertex => counts.vertices += 1,
-            Kind::Face => counts.faces += 1,
-            Kind::Texture => counts.textures += 1,
-            Kind::Normal => counts.normals += 1,
-            Kind::Other => {}
-        }
+        counts.note(kind(&mut text));
         text.statement();
     }
     counts.lines = text.line;

@@ -19,40 +19,49 @@ const TEXTURES: [[&str; 2]; 3] = [["s", "t"], ["u", "v"], ["texture_u", "texture
 const BATCH: usize = 1 << 14;
 
 /// Writes a mesh.
-pub(in super::super) fn write(view: View, out: &mut dyn Write) -> io::Result<()> {
+pub(in super::super) fn write(view: View, out: &mut (dyn Write + Send)) -> io::Result<()> {
     let textures = CornerSource::textures(view);
     let normals = CornerSource::normals(view);
     let mut head = Vec::new();
     push_head(&mut head, view);
     out.write_all(&head)?;
+    let Attributes { texture, normals: normal, .. } = view.attributes;
     let vertices = Vertices::of(view);
-    in_batches(view.points.len(), out, |range, out| vertices.push(out, range))?;
-    for (source, keyword, channel) in
-        [(&textures, "vt", &view.attributes.texture), (&normals, "vn", &view.attributes.normals)]
-    {
-        in_batches(source.len(channel), out, |range, out| source.push_entries(out, keyword, channel, range))?;
-    }
-    let faces = Faces { view, textures, normals };
-    in_batches(view.faces.len(), out, |range, out| faces.push(out, range))
+    let faces = Faces { view, textures: &textures, normals: &normals };
+    let sections: [(usize, Push); 4] = [
+        (view.points.len(), &|range, out| vertices.push(out, range)),
+        (textures.len(texture), &|range, out| textures.push_entries(out, "vt", texture, range)),
+        (normals.len(normal), &|range, out| normals.push_entries(out, "vn", normal, range)),
+        (view.faces.len(), &|range, out| faces.push(out, range)),
+    ];
+    in_batches(&sections, out)
 }
 
-/// Formats the elements in batches, on all threads, and writes them in order.
-fn in_batches(
-    n: usize,
-    out: &mut dyn Write,
-    push: impl Fn(Range<usize>, &mut Vec<u8>) + Sync,
-) -> io::Result<()> {
-    let starts: Vec<usize> = (0..n).step_by(BATCH).collect();
-    for wave in starts.chunks(4 * rayon::current_num_threads()) {
-        let batch = |&start: &usize| {
-            let mut out = Vec::with_capacity(40 * BATCH);
-            push(start..n.min(start + BATCH), &mut out);
-            out
-        };
-        let batches: Vec<Vec<u8>> = wave.par_iter().map(batch).collect();
-        batches.iter().try_for_each(|batch| out.write_all(batch))?;
+/// Formats the elements of a range.
+type Push<'a> = &'a (dyn Fn(Range<usize>, &mut Vec<u8>) + Sync);
+
+/// Formats the elements of the sections in batches, on all threads, and writes them in order: some batches are
+/// formatted while those before them are written.
+fn in_batches(sections: &[(usize, Push)], out: &mut (dyn Write + Send)) -> io::Result<()> {
+    let mut batches: Vec<(Range<usize>, Push)> = Vec::new();
+    for &(n, push) in sections {
+        batches.extend((0..n).step_by(BATCH).map(|start| (start..n.min(start + BATCH), push)));
     }
-    Ok(())
+    let batch = |(range, push): &(Range<usize>, Push<'_>)| {
+        let mut out = Vec::with_capacity(40 * BATCH);
+        push(range.clone(), &mut out);
+        out
+    };
+    let mut ready: Vec<Vec<u8>> = Vec::new();
+    for wave in batches.chunks(2 * rayon::current_num_threads()) {
+        let (written, next) = rayon::join(
+            || ready.iter().try_for_each(|batch| out.write_all(batch)),
+            || wave.par_iter().map(batch).collect(),
+        );
+        written?;
+        ready = next;
+    }
+    ready.iter().try_for_each(|batch| out.write_all(batch))
 }
 
 /// What an OBJ file cannot hold of a mesh.
@@ -208,14 +217,19 @@ impl<'a> CornerSource<'a> {
 /// The faces, and what stands between them.
 struct Faces<'a> {
     view: View<'a>,
-    textures: CornerSource<'a>,
-    normals: CornerSource<'a>,
+    textures: &'a CornerSource<'a>,
+    normals: &'a CornerSource<'a>,
 }
 
 impl Faces<'_> {
     /// The faces of `range`, each polygon with the range that it begins in, and the marks before them.
     fn push(&self, out: &mut Vec<u8>, range: Range<usize>) {
-        let Attributes { marks, polygons, .. } = self.view.attributes;
+        let Attributes { marks, polygons, texture, normals, .. } = self.view.attributes;
+        let is_bare = self.textures.len(texture) == 0 && self.normals.len(normals) == 0;
+        if is_bare && marks.is_empty() && polygons.list.is_empty() {
+            self.view.faces[range].iter().for_each(|face| push_triangle(out, face));
+            return;
+        }
         let from = |face: usize| marks.partition_point(|mark| (mark.face as usize) < face);
         let is_last = range.end == self.view.faces.len();
         let own_marks = from(range.start)..if is_last { marks.len() } else { from(range.end) };
@@ -264,6 +278,28 @@ impl Faces<'_> {
             push_whole(out, normal + 1);
         }
     }
+}
+
+/// Appends the line of a face that has three vertices and nothing else.
+#[inline]
+fn push_triangle(out: &mut Vec<u8>, face: &[Vert; 3]) {
+    /// Room for three numbers of ten digits, and what stands round them.
+    const LONGEST: usize = 3 * 11 + 2;
+    let mut line = [b' '; LONGEST];
+    line[LONGEST - 1] = b'\n';
+    let mut at = LONGEST - 1;
+    for v in face.iter().rev() {
+        let mut number = v.index() + 1;
+        while number >= 10 {
+            at -= 1;
+            line[at] = b'0' + (number % 10) as u8;
+            number /= 10;
+        }
+        line[at - 1] = b'0' + number as u8;
+        at -= 2; // Over the digit and the blank before it.
+    }
+    line[at - 1] = b'f';
+    out.extend_from_slice(&line[at - 1..]);
 }
 
 fn push_statement(out: &mut Vec<u8>, what: &Statement) {
