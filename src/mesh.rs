@@ -278,6 +278,8 @@ pub struct Mesh {
 #[derive(Clone, Debug, PartialEq)]
 struct Twins {
     of: PerHalf<Half>,
+    /// How many have none.
+    n_borders: usize,
     defects: EdgeDefects,
 }
 
@@ -429,12 +431,15 @@ impl Mesh {
     /// Number of half-edges without a twin.
     #[must_use]
     pub fn n_borders(&self) -> usize {
-        self.twins().of.as_slice().par_iter().filter(|twin| !twin.is_some()).count()
+        self.twins().n_borders
     }
 
     /// The ends of all edges without a twin, ascending, each once.
     #[must_use]
     pub fn border_verts(&self) -> Vec<Vert> {
+        if self.n_borders() == 0 {
+            return Vec::new();
+        }
         let borders = self.halves().filter(|&h| self.is_border(h));
         let mut verts: Vec<Vert> = borders.flat_map(|h| [self.from(h), self.to(h)]).collect();
         verts.sort_unstable();
@@ -580,7 +585,8 @@ fn pair_twins(faces: &[[Vert; 3]], fans: &Fans) -> Twins {
             collapsed_faces: a.collapsed_faces + b.collapsed_faces,
         });
     let of = twins.into_iter().map(|twin| Half(twin.into_inner())).collect::<Vec<_>>();
-    Twins { of: of.into(), defects }
+    let n_borders = of.par_iter().filter(|twin| !twin.is_some()).count();
+    Twins { of: of.into(), n_borders, defects }
 }
 
 /// Vertices per unit of parallel work.

@@ -146,7 +146,8 @@ impl RegionLabels {
 
 /// Whether two fits, both evaluated at `middle`, differ by the angle of a crease. `h` is the mean edge length.
 fn meet_in_crease(p: &Fit, q: &Fit, middle: DVec3, h: f64) -> bool {
-    let cosine = p.evaluate(middle, h).1.dot(q.evaluate(middle, h).1);
+    let normal = |fit: &Fit| if fit.is_plane() { fit.normal } else { fit.evaluate(middle, h).1 };
+    let cosine = normal(p).dot(normal(q));
     let is_flat = |fit: &Fit| fit.is_plane() && fit.rms < FLAT_RMS && fit.source == FitSource::Region;
     cosine < CHAMFER_ANGLE.cos() || cosine < FLAT_CHAMFER_ANGLE.cos() && is_flat(p) && is_flat(q)
 }

@@ -1,19 +1,17 @@
-//! The vertices near doubtful ones, copied out of the mesh into an order of their own.
+//! The vertices near doubtful ones, copied out of the mesh.
 //!
 //! In/out: `Surface` + doubtful vertices -> `Near`.
 //! Cost: O(near vertices); their neighbours and normals are found in parallel.
-
-use std::ops::Range;
 
 use glam::DVec3;
 use rayon::prelude::*;
 
 use super::patch::REACH_IN_REGION;
-use super::surface::{CHUNK, Surface, neighbours};
+use super::surface::{CHUNK, Surface, corners_beside, neighbours};
 use crate::mesh::{Mesh, PerVert, Vert};
 
-/// The vertices that patches can reach, by numbers of their own: neighbours have numbers near each other, so
-/// that a patch lies together in memory however the file orders its vertices.
+/// The vertices that patches can reach, by numbers of their own in the order of the file: few enough to lie together
+/// in memory, however the file orders its vertices.
 #[derive(Default)]
 pub(super) struct Near {
     /// The number of each vertex, `u32::MAX` if it is not near. `[V]`
@@ -34,25 +32,17 @@ impl Near {
     /// Those vertices that come within reach of one of `centres`, and all neighbours of these.
     pub fn around(surface: &Surface, centres: &[Vert]) -> Self {
         let mesh = surface.mesh;
-        let mut found = Found::around(mesh, centres, (REACH_IN_REGION * surface.h).powi(2));
-        let verts = found.renumber();
-        let mut near = Self { of: found.place, verts, starts: vec![0], ..Self::default() };
-        for &v in &near.verts {
-            let list = &found.lists[found.order[near.of[v] as usize] as usize];
-            let numbers = found.neighbours[list.clone()].iter().map(|&w| near.of[w]);
-            near.neighbours.extend(numbers.filter(|&w| w != u32::MAX));
-            near.starts.push(near.neighbours.len() as u32);
-        }
-        near.points = near.verts.iter().map(|&v| mesh.point(v)).collect();
-        near.interior = near.verts.iter().map(|&v| surface.interior[v]).collect();
-        // In the order of the file, in which what they read lies together.
-        let is_sample = |v: &Vert| near.of[*v] != u32::MAX && surface.interior[*v];
-        let normal = |v: Vert| (near.of[v], surface.normal_of(v, |_| true));
-        let samples = (0..mesh.n_verts()).into_par_iter().map(Vert::new).filter(is_sample);
-        let found: Vec<(u32, DVec3)> = samples.map(normal).collect();
-        near.normals = vec![DVec3::ZERO; near.verts.len()];
-        found.into_iter().for_each(|(i, normal)| near.normals[i as usize] = normal);
-        near
+        let mut of = find(mesh, centres, (REACH_IN_REGION * surface.h).powi(2));
+        let verts: Vec<Vert> =
+            (0..mesh.n_verts()).into_par_iter().map(Vert::new).filter(|&v| of[v] != u32::MAX).collect();
+        verts.iter().zip(0..).for_each(|(&v, number)| of[v] = number);
+        let (starts, neighbours) = neighbour_numbers(mesh, &verts, &of);
+        let normal = |v: Vert| {
+            if surface.interior[v] { surface.normal_of(v, |_| true) } else { DVec3::ZERO }
+        };
+        let (points, normals) = verts.par_iter().map(|&v| (mesh.point(v), normal(v))).unzip();
+        let interior = verts.iter().map(|&v| surface.interior[v]).collect();
+        Self { of, verts, points, normals, interior, starts, neighbours }
     }
 
     /// The numbers of those neighbours of the vertex with the number `i` that are near.
@@ -62,109 +52,76 @@ impl Near {
     }
 }
 
-/// The neighbours of `verts`, one list after the other, and the lengths of the lists; in pieces.
-fn neighbour_lists(mesh: &Mesh, verts: &[Vert]) -> Vec<(Vec<usize>, Vec<Vert>)> {
+/// The numbers of those neighbours of `verts` that have one, one list after the other, and where the lists begin.
+fn neighbour_numbers(mesh: &Mesh, verts: &[Vert], of: &PerVert<u32>) -> (Vec<u32>, Vec<u32>) {
     let lists = |piece: &[Vert]| {
-        let (mut lengths, mut all, mut round) = (Vec::with_capacity(piece.len()), Vec::new(), Vec::new());
-        all.reserve(8 * piece.len());
+        let mut lengths = Vec::with_capacity(piece.len());
+        let mut all = Vec::with_capacity(8 * piece.len());
+        let mut round = Vec::new();
         for &v in piece {
-            all.extend_from_slice(neighbours(mesh, v, &mut round));
-            lengths.push(round.len());
+            let before = all.len();
+            let numbers = neighbours(mesh, v, &mut round).iter().map(|&w| of[w]);
+            all.extend(numbers.filter(|&number| number != u32::MAX));
+            lengths.push((all.len() - before) as u32);
         }
         (lengths, all)
     };
-    verts.par_chunks(CHUNK).map(lists).collect()
+    let pieces: Vec<(Vec<u32>, Vec<u32>)> = verts.par_chunks(CHUNK).map(lists).collect();
+    let mut starts = Vec::with_capacity(verts.len() + 1);
+    let mut numbers = Vec::with_capacity(pieces.iter().map(|(_, all)| all.len()).sum());
+    starts.push(0);
+    for (lengths, all) in pieces {
+        let mut start = numbers.len() as u32;
+        starts.extend(lengths.into_iter().map(|length| {
+            start += length;
+            start
+        }));
+        numbers.extend(all);
+    }
+    (starts, numbers)
 }
 
-/// The search for near vertices, layer by layer.
-struct Found {
-    /// In the order in which they were found.
-    verts: Vec<Vert>,
-    /// The place of each vertex in `verts`, later its number; `u32::MAX` if it was not found. `[V]`
-    place: PerVert<u32>,
-    /// Where `neighbours` has those of each vertex.
-    lists: Vec<Range<usize>>,
-    neighbours: Vec<Vert>,
-    /// For each number the place in `verts`.
-    order: Vec<u32>,
-}
-
-impl Found {
-    fn around(mesh: &Mesh, centres: &[Vert], reach: f64) -> Self {
-        let mut place = PerVert::filled(mesh.n_verts(), u32::MAX);
-        centres.iter().zip(0..).for_each(|(&v, i)| place[v] = i);
-        let mut verts = centres.to_vec();
-        // The nearest centre as far as the layers before know it.
-        let mut centre_of = centres.to_vec();
-        let (mut lists, mut all) = (Vec::new(), Vec::new());
-        let mut layer_start = 0;
-        while layer_start < verts.len() {
-            let layer = layer_start..verts.len();
-            layer_start = layer.end;
-            let first = all.len();
-            for (lengths, found) in neighbour_lists(mesh, &verts[layer.clone()]) {
-                let start = all.len();
-                all.extend(found);
-                lists.extend(lengths.iter().scan(start, |start, length| {
-                    *start += length;
-                    Some(*start - length..*start)
-                }));
+/// Finds, layer by layer, the vertices joined to one of `centres` that lie within the root of `reach` of it, and all
+/// neighbours of centres: those that do not have `u32::MAX` in the result. `[V]`
+fn find(mesh: &Mesh, centres: &[Vert], reach: f64) -> PerVert<u32> {
+    /// In any found vertex; those about to be found have their place among these.
+    const FOUND: u32 = u32::MAX - 1;
+    let mut state = PerVert::filled(mesh.n_verts(), u32::MAX);
+    centres.iter().for_each(|&v| state[v] = FOUND);
+    // With the nearest centre as far as the layers before know it.
+    let mut layer: Vec<(Vert, Vert)> = centres.iter().map(|&v| (v, v)).collect();
+    let mut is_first = true;
+    while !layer.is_empty() {
+        let beside = |piece: &[(Vert, Vert)]| {
+            let mut beside = Vec::with_capacity(piece.len());
+            for &(v, centre) in piece {
+                let new = corners_beside(mesh, v).filter(|&w| state[w] == u32::MAX);
+                beside.extend(new.map(|w| (w, mesh.point(w).distance_squared(mesh.point(centre)), centre)));
             }
-            let mut next: Vec<(Vert, f64, Vert)> = Vec::new();
-            let mut pairs = all[first..].iter();
-            for (list, &centre) in lists[layer.clone()].iter().zip(&centre_of[layer.clone()]) {
-                for &w in pairs.by_ref().take(list.len()) {
-                    let squared = || mesh.point(w).distance_squared(mesh.point(centre));
-                    match (place[w] as usize).checked_sub(layer.end) {
-                        None => {}
-                        Some(pending) if pending < next.len() => {
-                            let (_, least, best) = &mut next[pending];
-                            if *best != centre && (squared(), centre) < (*least, *best) {
-                                (*least, *best) = (squared(), centre);
-                            }
-                        }
-                        Some(_) => {
-                            place[w] = (layer.end + next.len()) as u32;
-                            next.push((w, squared(), centre));
-                        }
-                    }
-                }
-            }
-            next.iter().for_each(|&(w, ..)| place[w] = u32::MAX);
-            for (w, squared, centre) in next {
-                if squared <= reach || layer.start == 0 {
-                    place[w] = verts.len() as u32;
-                    verts.push(w);
-                    centre_of.push(centre);
+            beside
+        };
+        let pieces: Vec<Vec<(Vert, f64, Vert)>> = layer.par_chunks(CHUNK).map(beside).collect();
+        let mut next: Vec<(Vert, f64, Vert)> = Vec::new();
+        for (w, squared, centre) in pieces.into_iter().flatten() {
+            if state[w] == u32::MAX {
+                state[w] = next.len() as u32;
+                next.push((w, squared, centre));
+            } else {
+                let (_, least, nearest) = &mut next[state[w] as usize];
+                if (squared, centre) < (*least, *nearest) {
+                    (*least, *nearest) = (squared, centre);
                 }
             }
         }
-        Self { verts, place, lists, neighbours: all, order: Vec::new() }
-    }
-
-    /// Numbers the vertices breadth first. Returns them in this order.
-    fn renumber(&mut self) -> Vec<Vert> {
-        let mut is_numbered = vec![false; self.verts.len()];
-        self.order.reserve(self.verts.len());
-        let mut next = 0;
-        for first in 0..self.verts.len() {
-            if !std::mem::replace(&mut is_numbered[first], true) {
-                self.order.push(first as u32);
-            }
-            while let Some(&i) = self.order.get(next) {
-                next += 1;
-                for &w in &self.neighbours[self.lists[i as usize].clone()] {
-                    let place = self.place[w];
-                    if place != u32::MAX && !std::mem::replace(&mut is_numbered[place as usize], true) {
-                        self.order.push(place);
-                    }
-                }
-            }
+        layer.clear();
+        for (w, squared, centre) in next {
+            let is_near = squared <= reach || is_first;
+            state[w] = if is_near { FOUND } else { u32::MAX };
+            layer.extend(is_near.then_some((w, centre)));
         }
-        let verts: Vec<Vert> = self.order.iter().map(|&i| self.verts[i as usize]).collect();
-        verts.iter().zip(0..).for_each(|(&v, number)| self.place[v] = number);
-        verts
+        is_first = false;
     }
+    state
 }
 
 #[cfg(test)]

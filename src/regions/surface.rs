@@ -154,13 +154,17 @@ fn filter_verts(mesh: &Mesh, holds: impl Fn(Vert) -> bool + Send + Sync) -> Vec<
 }
 
 /// The vertices that share an edge with `v`, most of them twice: the other corners of its faces.
-fn corners_beside(mesh: &Mesh, v: Vert) -> impl Iterator<Item = Vert> + '_ {
+pub(super) fn corners_beside(mesh: &Mesh, v: Vert) -> impl Iterator<Item = Vert> + '_ {
     mesh.leaving(v).iter().flat_map(|&h| [mesh.to(h), mesh.opposite(h)])
 }
 
 /// The vertices that share an edge with `v`, each once, put into `round`.
 pub(super) fn neighbours<'r>(mesh: &Mesh, v: Vert, round: &'r mut Vec<Vert>) -> &'r [Vert] {
     round.clear();
+    if mesh.n_borders() == 0 {
+        round.extend(mesh.leaving(v).iter().map(|&h| mesh.to(h)));
+        return round;
+    }
     let mut is_closed = true;
     for &h in mesh.leaving(v) {
         round.push(mesh.to(h));
