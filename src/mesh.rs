@@ -574,8 +574,13 @@ fn pair_twins(faces: &[[Vert; 3]], fans: &Fans) -> Twins {
         .map_init(Vec::new, |spokes, chunk| {
             let mut defects = EdgeDefects::default();
             for v in (CHUNK * chunk..n_verts.min(CHUNK * (chunk + 1))).map(Vert::new) {
-                pair_few(faces, v, fans.leaving(v), set)
-                    .unwrap_or_else(|| pair_many(faces, v, fans.leaving(v), spokes, set, &mut defects));
+                let leaving = fans.leaving(v);
+                let paired = match leaving.len() {
+                    0..=8 => pair_few::<8>(faces, v, leaving, set),
+                    9..=16 => pair_few::<16>(faces, v, leaving, set),
+                    _ => None,
+                };
+                paired.unwrap_or_else(|| pair_many(faces, v, leaving, spokes, set, &mut defects));
             }
             defects
         })
@@ -592,17 +597,16 @@ fn pair_twins(faces: &[[Vert; 3]], fans: &Fans) -> Twins {
 /// Vertices per unit of parallel work.
 const CHUNK: usize = 4096;
 
-/// A vertex with more faces takes the way of the irregular ones.
-const FEW_FACES: usize = 16;
-
-/// Finds the twins of the half-edges `leaving` `v`, if they are few, none of the faces is collapsed and none
-/// of the edges irregular; else nothing is done.
+/// Finds the twins of the at most `N` half-edges `leaving` `v`. None when one of the faces is collapsed or one of
+/// the edges irregular; what is set by then is right.
 #[inline]
-fn pair_few(faces: &[[Vert; 3]], v: Vert, leaving: &[Half], set: impl Fn(Half, Half)) -> Option<()> {
-    if leaving.len() > FEW_FACES {
-        return None;
-    }
-    let (mut to, mut from) = ([Vert::NONE; FEW_FACES], [Vert::NONE; FEW_FACES]);
+fn pair_few<const N: usize>(
+    faces: &[[Vert; 3]],
+    v: Vert,
+    leaving: &[Half],
+    set: impl Fn(Half, Half),
+) -> Option<()> {
+    let (mut to, mut from) = ([Vert::NONE; N], [Vert::NONE; N]);
     for (i, &h) in leaving.iter().enumerate() {
         let corners = &faces[h.face().index()];
         (to[i], from[i]) = (corners[h.next().corner()], corners[h.prev().corner()]);
@@ -610,17 +614,19 @@ fn pair_few(faces: &[[Vert; 3]], v: Vert, leaving: &[Half], set: impl Fn(Half, H
             return None;
         }
     }
-    let (to, from) = (&to[..leaving.len()], &from[..leaving.len()]);
-    let is_regular = |w: &Vert| {
-        let count = |list: &[Vert]| list.iter().map(|u| usize::from(u == w)).sum::<usize>();
-        count(to) == 1 && count(from) <= 1
-    };
-    if !to.iter().all(is_regular) {
-        return None;
-    }
     for (&h, w) in leaving.iter().zip(to) {
-        if let Some(i) = from.iter().position(|u| u == w) {
-            set(h, leaving[i].prev());
+        // All comparisons, without a branch: they are made several at a time.
+        let (mut n_to, mut n_from, mut at) = (0, 0, 0);
+        for i in 0..N {
+            n_to += u32::from(to[i] == w);
+            n_from += u32::from(from[i] == w);
+            at += if from[i] == w { i as u32 } else { 0 };
+        }
+        if n_to != 1 || n_from > 1 {
+            return None;
+        }
+        if n_from == 1 {
+            set(h, leaving[at as usize].prev());
         }
     }
     Some(())
@@ -673,21 +679,39 @@ pub struct Fans {
 }
 
 impl Fans {
+    /// Each thread counts and places what leaves its part of the vertices.
     fn new(n_verts: usize, faces: &[[Vert; 3]]) -> Self {
+        let part = n_verts.div_ceil(rayon::current_num_threads()).max(CHUNK);
         let mut starts = vec![0u32; n_verts + 1];
-        for v in faces.iter().flatten() {
-            starts[v.index() + 1] += 1;
-        }
+        starts[1..].par_chunks_mut(part).enumerate().for_each(|(i, counts)| {
+            for v in faces.iter().flatten() {
+                if let Some(count) = counts.get_mut(v.index().wrapping_sub(i * part)) {
+                    *count += 1;
+                }
+            }
+        });
         for v in 0..n_verts {
             starts[v + 1] += starts[v];
         }
-        let mut next = starts.clone();
         let mut halves = vec![Half::NONE; 3 * faces.len()];
-        for (h, v) in faces.iter().flatten().enumerate() {
-            let slot = &mut next[v.index()];
-            halves[*slot as usize] = Half(h as u32);
-            *slot += 1;
+        let mut rest = halves.as_mut_slice();
+        let mut parts = Vec::new();
+        for first in (0..n_verts).step_by(part) {
+            let bounds = &starts[first..=n_verts.min(first + part)];
+            let own;
+            (own, rest) = rest.split_at_mut((bounds[bounds.len() - 1] - bounds[0]) as usize);
+            parts.push((first, bounds, own));
         }
+        parts.into_par_iter().for_each(|(first, bounds, own)| {
+            let mut next: Vec<u32> =
+                bounds[..bounds.len() - 1].iter().map(|start| start - bounds[0]).collect();
+            for (h, v) in faces.iter().flatten().enumerate() {
+                if let Some(slot) = next.get_mut(v.index().wrapping_sub(first)) {
+                    own[*slot as usize] = Half(h as u32);
+                    *slot += 1;
+                }
+            }
+        });
         Self { starts, halves }
     }
 

@@ -67,8 +67,10 @@ pub fn sharpen_file(arguments: &Arguments, input: &Path, output: &Path) -> Resul
     let bytes = (input == Path::new("-")).then_some(bytes);
     let (mut attributes, mut notices) = (model.attributes, model.notices);
     let name = || display_name(input);
-    let mut mesh = seconds.time("twins", || Mesh::new(model.points, model.faces)).with_context(name)?;
-    if let Some(firsts) = weld(mesh.points(), mesh.border_verts(), arguments.weld) {
+    let mut mesh = Mesh::new(model.points, model.faces).with_context(name)?;
+    // Twins are made when first asked for.
+    let borders = seconds.time("twins", || mesh.border_verts());
+    if let Some(firsts) = weld(mesh.points(), borders, arguments.weld) {
         let (points, mut faces) = mesh.into_parts();
         attributes.join(&mut faces, &firsts);
         mesh = Mesh::new(points, faces).with_context(name)?;

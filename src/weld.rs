@@ -54,6 +54,8 @@ pub fn weld(points: &[DVec3], among: impl IntoIterator<Item = Vert>, weld: Weld)
         Weld::Exact | Weld::Distance(0.0) => Places::exact(),
         Weld::Distance(distance) => Places::within(distance),
     };
+    let mut among = among.into_iter().peekable();
+    among.peek()?;
     let mut firsts: Vec<Vert> = (0..points.len()).map(Vert::new).collect();
     let mut is_joined = false;
     for v in among {
