@@ -606,27 +606,28 @@ fn pair_few<const N: usize>(
     leaving: &[Half],
     set: impl Fn(Half, Half),
 ) -> Option<()> {
-    let (mut to, mut from) = ([Vert::NONE; N], [Vert::NONE; N]);
+    const NEXT: [usize; 3] = [1, 2, 0];
+    let (mut to, mut from, mut before) = ([Vert::NONE; N], [Vert::NONE; N], [Half::NONE; N]);
     for (i, &h) in leaving.iter().enumerate() {
-        let corners = &faces[h.face().index()];
-        (to[i], from[i]) = (corners[h.next().corner()], corners[h.prev().corner()]);
+        let (face, next) = (h.face(), NEXT[h.corner()]);
+        let corners = &faces[face.index()];
+        (to[i], from[i], before[i]) = (corners[next], corners[NEXT[next]], face.half(NEXT[next]));
         if to[i] == v || from[i] == v || to[i] == from[i] {
             return None;
         }
     }
     for (&h, w) in leaving.iter().zip(to) {
-        // All comparisons, without a branch: they are made several at a time.
-        let (mut n_to, mut n_from, mut at) = (0, 0, 0);
+        // How often `w` is in `to`, in `from`, and where: in one sum without a branch, so that several are added
+        // at a time.
+        let mut sum = 0u32;
         for i in 0..N {
-            n_to += u32::from(to[i] == w);
-            n_from += u32::from(from[i] == w);
-            at += if from[i] == w { i as u32 } else { 0 };
+            sum += if to[i] == w { 1 << 16 } else { 0 };
+            sum += if from[i] == w { (1 << 8) + i as u32 } else { 0 };
         }
-        if n_to != 1 || n_from > 1 {
-            return None;
-        }
-        if n_from == 1 {
-            set(h, leaving[at as usize].prev());
+        match (sum >> 16, sum >> 8 & 0xff) {
+            (1, 0) => {}
+            (1, 1) => set(h, before[(sum & 0xff) as usize]),
+            _ => return None,
         }
     }
     Some(())

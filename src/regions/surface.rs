@@ -153,9 +153,12 @@ fn filter_verts(mesh: &Mesh, holds: impl Fn(Vert) -> bool + Send + Sync) -> Vec<
     (0..mesh.n_verts()).into_par_iter().map(Vert::new).filter(|&v| holds(v)).collect()
 }
 
-/// The vertices that share an edge with `v`, most of them twice: the other corners of its faces.
+/// The vertices that share an edge with `v`; where the mesh has borders most of them twice, as corners of two faces.
+#[inline]
 pub(super) fn corners_beside(mesh: &Mesh, v: Vert) -> impl Iterator<Item = Vert> + '_ {
-    mesh.leaving(v).iter().flat_map(|&h| [mesh.to(h), mesh.opposite(h)])
+    let leaving = mesh.leaving(v);
+    let again = if mesh.n_borders() == 0 { &[] } else { leaving };
+    leaving.iter().map(|&h| mesh.to(h)).chain(again.iter().map(|&h| mesh.opposite(h)))
 }
 
 /// The vertices that share an edge with `v`, each once, put into `round`.
