@@ -45,7 +45,7 @@ const ADOPTED_DISPLACEMENT: f64 = 0.1;
 const ADOPTED_COSINE: f64 = 0.77;
 
 /// Vertices per unit of parallel work, at least: each unit makes its own scratch memory.
-const MIN_TASK: usize = 1024;
+const MIN_TASK: usize = 128;
 
 /// Steps 3 to 5: gives each doubtful vertex the fit of the smooth region that explains it best.
 pub(super) fn explain_by_regions(surface: &Surface) -> VertexFits {

@@ -96,7 +96,8 @@ fn find(mesh: &Mesh, centres: &[Vert], reach: f64) -> PerVert<u32> {
             let mut beside = Vec::with_capacity(piece.len());
             for &(v, centre) in piece {
                 let new = corners_beside(mesh, v).filter(|&w| state[w] == u32::MAX);
-                beside.extend(new.map(|w| (w, mesh.point(w).distance_squared(mesh.point(centre)), centre)));
+                let measured = new.map(|w| (w, mesh.point(w).distance_squared(mesh.point(centre)), centre));
+                beside.extend(measured.filter(|&(_, squared, _)| squared <= reach || is_first));
             }
             beside
         };
@@ -113,12 +114,9 @@ fn find(mesh: &Mesh, centres: &[Vert], reach: f64) -> PerVert<u32> {
                 }
             }
         }
+        next.iter().for_each(|&(w, ..)| state[w] = FOUND);
         layer.clear();
-        for (w, squared, centre) in next {
-            let is_near = squared <= reach || is_first;
-            state[w] = if is_near { FOUND } else { u32::MAX };
-            layer.extend(is_near.then_some((w, centre)));
-        }
+        layer.extend(next.into_iter().map(|(w, _, centre)| (w, centre)));
         is_first = false;
     }
     state

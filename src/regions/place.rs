@@ -3,7 +3,6 @@
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::gates::ends_of;
 use super::{RegionLabels, Surface, VertexFits};
 use crate::fit::{Fit, FitSource};
 use crate::geometry::{Plane, nearest_on_all, nearest_on_both};
@@ -43,18 +42,20 @@ const CORNER_CUTOFF: f64 = 0.1;
 /// Step 9: the vertices of `chamfers` and their neighbours that lie off their fit, and where on it they
 /// belong.
 pub(super) fn moves(surface: &Surface, fits: &VertexFits, chamfers: &[Half]) -> Vec<(Vert, DVec3)> {
-    let mut zone = ends_of(surface.mesh, chamfers);
-    let neighbours: Vec<Vert> = zone.iter().flat_map(|&v| surface.neighbours(v)).collect();
-    zone.extend(neighbours);
-    zone.sort_unstable();
-    zone.dedup();
+    let near = &surface.near;
+    let mut is_in_zone = vec![false; near.verts.len()];
+    for i in chamfers.iter().flat_map(|&h| [surface.mesh.from(h), surface.mesh.to(h)]).map(|v| near.of[v]) {
+        is_in_zone[i as usize] = true;
+        near.neighbours(i).iter().for_each(|&j| is_in_zone[j as usize] = true);
+    }
     let onto_fit = |&v: &Vert| {
         let fit = fits.get(v).filter(|fit| fit.source == FitSource::Region && !surface.deep[v])?;
         let distance = fit.displacement.abs();
         let is_off = distance > MIN_MOVE.max(MIN_MOVE_IN_RMS * fit.rms) && distance < MAX_MOVE;
         is_off.then(|| (v, surface.mesh.point(v) + surface.h * fit.displacement * fit.normal))
     };
-    zone.iter().filter_map(onto_fit).collect()
+    let zone = near.verts.iter().zip(is_in_zone).filter(|&(_, is_in)| is_in);
+    zone.filter_map(|(v, _)| onto_fit(v)).collect()
 }
 
 /// Places a new vertex on every chamfer edge and in every corner triangle of `labels`: where the fits of
