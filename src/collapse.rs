@@ -122,7 +122,7 @@ fn collapse(edit: &mut Edit<'_>, gone: Vert, kept: Vert) -> bool {
         let is_good = inner_angles(before).into_iter().all(|angle| angle >= MIN_ANGLE);
         is_good && n.dot(m) < MIN_TURN_COSINE * n.length() * m.length()
     };
-    if edit.faces_at(gone).filter(|f| !beside.contains(f)).any(turns_over) {
+    if edit.faces_at(gone).iter().copied().filter(|f| !beside.contains(f)).any(turns_over) {
         return false;
     }
     edit.collapse(gone, kept);
@@ -152,17 +152,18 @@ fn flip(edit: &mut Edit<'_>, f: Face, a: Vert, b: Vert) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::mesh::Mesh;
     use crate::mesh::tests::mesh;
+    use crate::mesh::{Mesh, PerVert};
     use crate::refine::{Inserts, refine};
 
     fn mended(m: &Mesh, n_old: usize) -> (CollapseCounts, Vec<[usize; 3]>) {
-        let inserts = Inserts::none(m);
+        let inserts = Inserts::none();
         let refined = refine(m, &inserts).unwrap();
-        let mut edit = Edit::new(&refined, n_old);
+        let is_whole = PerVert::filled(m.n_verts(), true);
+        let mut edit = Edit::new(&refined, n_old, &is_whole);
         let faces: Vec<_> = m.face_ids().collect();
         let counts = collapse_degenerate_faces(&mut edit, &faces, |_| true);
-        let edited = edit.finish(m, &inserts).unwrap();
+        let edited = edit.finish(m, &inserts, |v| v).unwrap();
         (counts, edited.mesh.faces().iter().map(|f| f.map(Vert::index)).collect())
     }
 

@@ -1,39 +1,40 @@
 //! A mesh under local edits: collapses and flips near the inserted vertices.
 //!
-//! The faces round the vertices near inserted ones are gathered beforehand; a list of its own is made for
-//! a vertex only when an edit changes it. Faces keep their index while edits go on; [`Edit::finish`]
-//! compacts.
+//! The faces round each vertex are gathered beforehand; a list of its own is made for a vertex only when an
+//! edit changes it. Faces keep their index while edits go on; [`Edit::finish`] compacts.
 //!
 //! In/out: borrows a [`Refined`] mesh, gives back a compacted one with its lineage.
-//! Cost: O(V + F) in few passes to set up and to finish, O(valence) per query and edit.
+//! Cost: O(V + F) to set up and to finish, O(valence) per query and edit: the mesh is an
+//! [`Excerpt`](crate::excerpt::Excerpt).
+
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use glam::DVec3;
-use rayon::prelude::*;
 
 use crate::mesh::{Face, Half, Mesh, MeshError, PerFace, PerVert, Vert};
 use crate::refine::{Inserts, Lineage, Place, Refined};
 
 /// A face that an edit removed.
 const DEAD: [Vert; 3] = [Vert::NONE; 3];
-/// The faces of a vertex that is not near an inserted one come from the mesh's fans.
-const REMOTE: u32 = u32::MAX;
-/// Where the slots of touched vertices begin: those below are slots of [`Nearby`].
-const TOUCHED: u32 = 1 << 31;
+/// No edit has changed the faces of the vertex.
+const UNTOUCHED: u32 = u32::MAX;
 
 /// The mesh under edit.
 pub(crate) struct Edit<'m> {
     refined: &'m Refined,
     /// Vertices below this index are old ones, the others were inserted.
     n_old: usize,
-    /// Positions of the inserted vertices: old ones stay where they are.
-    points: Vec<DVec3>,
+    /// Whether the mesh has all faces of a vertex. `[V]`
+    is_whole: &'m PerVert<bool>,
+    /// Whether somebody has asked for the faces of a vertex of which it does not have them all.
+    is_at_fringe: AtomicBool,
+    /// Positions: old vertices stay where they are.
+    points: PerVert<DVec3>,
     faces: PerFace<[Vert; 3]>,
-    /// For each vertex where its faces are listed: `REMOTE`, a slot of `nearby`, or `TOUCHED` and more
-    /// for a slot of `around`.
+    /// The faces round each vertex before the edits.
+    rings: Rings,
+    /// For each vertex the slot of its faces in `around`, or `UNTOUCHED`.
     slot: PerVert<u32>,
-    nearby: Nearby,
-    /// Faces that edits have changed or removed, some of them more than once.
-    changed: Vec<Face>,
     around: Vec<Vec<Face>>,
     /// For each vertex the one that it was collapsed into. `NONE` while it stands.
     into: PerVert<Vert>,
@@ -50,36 +51,40 @@ pub(crate) struct Edited {
 }
 
 impl<'m> Edit<'m> {
-    pub(crate) fn new(refined: &'m Refined, n_old: usize) -> Self {
+    pub(crate) fn new(refined: &'m Refined, n_old: usize, is_whole: &'m PerVert<bool>) -> Self {
         let mesh = &refined.mesh;
-        let (slot, nearby) = Nearby::gather(mesh, n_old);
         Self {
             refined,
             n_old,
-            points: mesh.points()[n_old..].to_vec(),
+            is_whole,
+            is_at_fringe: AtomicBool::new(false),
+            points: mesh.points().to_vec().into(),
             faces: mesh.faces().to_vec().into(),
-            slot,
-            nearby,
-            changed: Vec::new(),
+            rings: Rings::gather(mesh),
+            slot: PerVert::filled(mesh.n_verts(), UNTOUCHED),
             around: Vec::new(),
             into: PerVert::filled(mesh.n_verts(), Vert::NONE),
         }
+    }
+
+    /// Whether the mesh was too small for what was asked of it: the edits are void.
+    pub(crate) fn is_at_fringe(&self) -> bool {
+        self.is_at_fringe.load(Ordering::Relaxed)
     }
 
     pub(crate) fn is_inserted(&self, v: Vert) -> bool {
         v.index() >= self.n_old
     }
 
+    #[inline]
     pub(crate) fn point(&self, v: Vert) -> DVec3 {
-        match v.index().checked_sub(self.n_old) {
-            Some(i) => self.points[i],
-            None => self.refined.mesh.point(v),
-        }
+        self.points[v]
     }
 
     /// Moves an inserted vertex.
     pub(crate) fn move_to(&mut self, v: Vert, point: DVec3) {
-        self.points[v.index() - self.n_old] = point;
+        debug_assert!(self.is_inserted(v));
+        self.points[v] = point;
     }
 
     /// The corners of a face that stands.
@@ -100,13 +105,14 @@ impl<'m> Edit<'m> {
     }
 
     /// The faces round `v`, in no particular but a reproducible order.
-    pub(crate) fn faces_at(&self, v: Vert) -> impl Iterator<Item = Face> + Clone + '_ {
-        let (listed, remote): (&[Face], &[Half]) = match self.slot[v] {
-            REMOTE => (&[], self.refined.mesh.leaving(v)),
-            slot if slot >= TOUCHED => (&self.around[(slot - TOUCHED) as usize], &[]),
-            slot => (self.nearby.faces(slot), &[]),
-        };
-        listed.iter().copied().chain(remote.iter().map(|h| h.face()))
+    pub(crate) fn faces_at(&self, v: Vert) -> &[Face] {
+        if !self.is_whole[v] {
+            self.is_at_fringe.store(true, Ordering::Relaxed);
+        }
+        match self.slot[v] {
+            UNTOUCHED => self.rings.of(v),
+            slot => &self.around[slot as usize],
+        }
     }
 
     pub(crate) fn has_corner(&self, f: Face, v: Vert) -> bool {
@@ -116,7 +122,7 @@ impl<'m> Edit<'m> {
     /// The faces with both `a` and `b` as corners, if there are exactly two and they agree on the
     /// orientation: first the one that runs from `a` to `b`.
     pub(crate) fn faces_beside(&self, a: Vert, b: Vert) -> Option<[Face; 2]> {
-        let mut both = self.faces_at(a).filter(|&f| self.has_corner(f, b));
+        let mut both = self.faces_at(a).iter().copied().filter(|&f| self.has_corner(f, b));
         let (f, g) = (both.next()?, both.next()?);
         if both.next().is_some() {
             return None;
@@ -136,7 +142,7 @@ impl<'m> Edit<'m> {
 
     /// Whether some face has both `a` and `b` as corners.
     pub(crate) fn are_neighbours(&self, a: Vert, b: Vert) -> bool {
-        self.faces_at(a).any(|f| self.has_corner(f, b))
+        self.faces_at(a).iter().any(|&f| self.has_corner(f, b))
     }
 
     /// The corner of `f` that is neither `a` nor `b`.
@@ -146,7 +152,8 @@ impl<'m> Edit<'m> {
 
     /// The neighbours of `v`, ascending.
     pub(crate) fn link(&self, v: Vert) -> Vec<Vert> {
-        let mut link: Vec<_> = self.faces_at(v).flat_map(|f| self.faces[f]).filter(|&w| w != v).collect();
+        let corners = self.faces_at(v).iter().flat_map(|&f| self.faces[f]);
+        let mut link: Vec<_> = corners.filter(|&w| w != v).collect();
         link.sort_unstable();
         link.dedup();
         link
@@ -155,7 +162,7 @@ impl<'m> Edit<'m> {
     /// Whether every edge at `v` has exactly two faces that agree on its direction.
     pub(crate) fn is_surrounded(&self, v: Vert) -> bool {
         let mut neighbours: Vec<(Vert, bool)> = Vec::new();
-        for f in self.faces_at(v) {
+        for &f in self.faces_at(v) {
             let t = self.faces[f];
             let i = t.iter().position(|&w| w == v).unwrap_or(0);
             neighbours.extend([(t[(i + 1) % 3], false), (t[(i + 2) % 3], true)]);
@@ -181,14 +188,14 @@ impl<'m> Edit<'m> {
     /// Removes `gone` and the two faces beside `gone`-`kept`, which [`collapsible`](Self::collapsible)
     /// allowed; its other faces go to `kept`. Their indices come back.
     pub(crate) fn collapse(&mut self, gone: Vert, kept: Vert) -> Vec<Face> {
-        let (beside, others): (Vec<_>, Vec<_>) = self.faces_at(gone).partition(|&f| self.has_corner(f, kept));
+        let (beside, others): (Vec<_>, Vec<_>) =
+            self.faces_at(gone).iter().partition(|&&f| self.has_corner(f, kept));
         for &f in &beside {
             for v in self.faces[f] {
                 self.list(v).retain(|&g| g != f);
             }
             self.faces[f] = DEAD;
         }
-        self.changed.extend(beside.iter().chain(&others));
         for &f in &others {
             self.faces[f] = self.faces[f].map(|v| if v == gone { kept } else { v });
         }
@@ -209,53 +216,43 @@ impl<'m> Edit<'m> {
                 self.list(v).push(face);
             }
             self.faces[face] = corners;
-            self.changed.push(face);
         }
     }
 
     /// The faces round `v`, as a list of its own.
     fn list(&mut self, v: Vert) -> &mut Vec<Face> {
-        if self.slot[v] == REMOTE || self.slot[v] < TOUCHED {
-            let faces = self.faces_at(v).collect();
-            self.slot[v] = TOUCHED + self.around.len() as u32;
+        if self.slot[v] == UNTOUCHED {
+            let faces = self.faces_at(v).to_vec();
+            self.slot[v] = self.around.len() as u32;
             self.around.push(faces);
         }
-        &mut self.around[(self.slot[v] - TOUCHED) as usize]
+        &mut self.around[self.slot[v] as usize]
     }
 
     /// Compacts the mesh: faces keep their order, an old vertex keeps its index, and the last inserted
     /// vertices take the slots of old vertices that are gone. `before` is the mesh that was refined
-    /// with `inserts`.
+    /// with `inserts`, and `whole` says which vertex of it refined a vertex is.
     ///
     /// # Errors
     /// Never, in fact: the mesh has fewer elements than before.
-    pub(crate) fn finish(self, before: &Mesh, inserts: &Inserts) -> Result<Edited, MeshError> {
+    pub(crate) fn finish(
+        self,
+        before: &Mesh,
+        inserts: &Inserts,
+        whole: impl Fn(Vert) -> Vert,
+    ) -> Result<Edited, MeshError> {
         let (now, replaced, points) = self.compact_verts();
-        let Refined { mesh, lineage: Lineage { parents: old_parents, corners: old_places, .. }, .. } =
-            self.refined;
+        let Refined { mesh, lineage: old, .. } = self.refined;
         let mut faces = Vec::with_capacity(self.faces.len());
         let mut lineage = Lineage::default();
         let mut parents = Vec::with_capacity(self.faces.len());
         let mut places = Vec::with_capacity(3 * self.faces.len());
-        let mut done = 0;
-        for f in self.faces_to_renew().into_iter().map(Some).chain([None]) {
-            // The faces up to the next one that edits have changed stay as they are.
-            let same = done..f.map_or(self.faces.len(), Face::index);
-            faces.extend_from_slice(&self.faces.as_slice()[same.clone()]);
-            parents.extend_from_slice(&old_parents.as_slice()[same.clone()]);
-            places.extend_from_slice(&old_places.as_slice()[3 * same.start..3 * same.end]);
-            let Some(f) = f else { break };
-            done = f.index() + 1;
-            if !self.stands(f) {
-                continue;
-            }
-            let (parent, corners) = (old_parents[f], self.corners(f));
+        for f in mesh.face_ids().filter(|&f| self.stands(f)) {
+            let (parent, corners) = (old.parents[f], self.corners(f));
             for (i, v) in corners.into_iter().enumerate() {
-                let place = if v == mesh.corners(f)[i] {
-                    old_places[f.half(i)]
-                } else {
-                    place_in(before, inserts, parent, v)
-                };
+                let stays = v == mesh.corners(f)[i];
+                let place =
+                    if stays { old.corners[f.half(i)] } else { place_in(before, inserts, parent, whole(v)) };
                 if place == Place::Foreign {
                     let weights = barycentric(before.triangle(parent), self.point(v));
                     lineage.foreign.push((Half::new(places.len()), weights));
@@ -272,15 +269,6 @@ impl<'m> Edit<'m> {
         Ok(Edited { mesh, lineage, now, replaced })
     }
 
-    /// The faces that edits have changed and those of inserted vertices, which get new indices; ascending.
-    fn faces_to_renew(&self) -> Vec<Face> {
-        let mut renew = owners_of_inserted(&self.refined.mesh, self.n_old);
-        renew.extend(&self.changed);
-        renew.sort_unstable();
-        renew.dedup();
-        renew
-    }
-
     /// New indices `[V]`, the old vertices that are gone, and the points in their new order.
     fn compact_verts(&self) -> (PerVert<Vert>, Vec<Vert>, Vec<DVec3>) {
         let n_verts = self.refined.mesh.n_verts();
@@ -290,8 +278,7 @@ impl<'m> Edit<'m> {
         let movers = inserted.split_off(inserted.len().saturating_sub(gone_old.len()));
 
         let mut now = PerVert::filled(n_verts, Vert::NONE);
-        let mut points = Vec::with_capacity(self.n_old + inserted.len());
-        points.extend_from_slice(&self.refined.mesh.points()[..self.n_old]);
+        let mut points = self.points.as_slice()[..self.n_old].to_vec();
         for v in (0..self.n_old).map(Vert::new).filter(stands) {
             now[v] = v;
         }
@@ -314,68 +301,36 @@ impl<'m> Edit<'m> {
     }
 }
 
-/// The faces round every vertex that edits are likely to ask for, gathered in passes over the faces
-/// instead of from the fans of the whole mesh: the corners of faces that share a vertex with a face that
-/// owns an inserted vertex.
-struct Nearby {
+/// The faces round each vertex, ascending.
+struct Rings {
     starts: Vec<u32>,
     faces: Vec<Face>,
 }
 
-impl Nearby {
-    /// The slot of each vertex, `REMOTE` for all others, and the faces by slot.
-    fn gather(mesh: &Mesh, n_old: usize) -> (PerVert<u32>, Self) {
-        let mut near = PerVert::filled(mesh.n_verts(), false);
-        let corners = |faces: &[Face]| faces.iter().flat_map(|&f| mesh.corners(f)).collect::<Vec<_>>();
-        corners(&owners_of_inserted(mesh, n_old)).into_iter().for_each(|v| near[v] = true);
-
-        let mut slot = PerVert::filled(mesh.n_verts(), REMOTE);
-        let mut counts: Vec<u32> = Vec::new();
-        for v in corners(&faces_where(mesh, |v| near[v])) {
-            if slot[v] == REMOTE {
-                slot[v] = counts.len() as u32;
-                counts.push(0);
-            }
-        }
-        let listed = faces_where(mesh, |v| slot[v] != REMOTE);
+impl Rings {
+    fn gather(mesh: &Mesh) -> Self {
         // A face counts once at a vertex, also where it names it twice.
-        let each = |t: &[Vert; 3], then: &mut dyn FnMut(u32)| {
-            for i in (0..3).filter(|&i| slot[t[i]] != REMOTE && !t[..i].contains(&t[i])) {
-                then(slot[t[i]]);
-            }
+        let verts = |f: Face| {
+            let corners = mesh.corners(f);
+            (0..3).filter(move |&i| !corners[..i].contains(&corners[i])).map(move |i| corners[i].index())
         };
-        listed.iter().for_each(|&f| each(&mesh.corners(f), &mut |slot| counts[slot as usize] += 1));
-        let mut starts = vec![0];
-        starts.extend(counts.iter().scan(0, |sum, &n| {
-            *sum += n;
-            Some(*sum)
-        }));
-        let mut next = starts.clone();
-        let mut faces = vec![Face::NONE; starts[counts.len()] as usize];
-        for f in listed {
-            each(&mesh.corners(f), &mut |slot| {
-                faces[next[slot as usize] as usize] = f;
-                next[slot as usize] += 1;
-            });
+        let mut starts = vec![0; mesh.n_verts() + 1];
+        mesh.face_ids().flat_map(verts).for_each(|v| starts[v + 1] += 1);
+        for v in 0..mesh.n_verts() {
+            starts[v + 1] += starts[v];
         }
-        (slot, Self { starts, faces })
+        let mut next = starts.clone();
+        let mut faces = vec![Face::NONE; starts[mesh.n_verts()] as usize];
+        for (f, v) in mesh.face_ids().flat_map(|f| verts(f).map(move |v| (f, v))) {
+            faces[next[v] as usize] = f;
+            next[v] += 1;
+        }
+        Self { starts, faces }
     }
 
-    fn faces(&self, slot: u32) -> &[Face] {
-        let slot = slot as usize;
-        &self.faces[self.starts[slot] as usize..self.starts[slot + 1] as usize]
+    fn of(&self, v: Vert) -> &[Face] {
+        &self.faces[self.starts[v.index()] as usize..self.starts[v.index() + 1] as usize]
     }
-}
-
-/// The faces with a vertex of which `holds`, ascending.
-pub(crate) fn faces_where(mesh: &Mesh, holds: impl Fn(Vert) -> bool + Send + Sync) -> Vec<Face> {
-    let has_one = |f: &Face| mesh.corners(*f).into_iter().any(&holds);
-    (0..mesh.n_faces()).into_par_iter().map(Face::new).filter(has_one).collect()
-}
-
-/// The faces with an inserted vertex, ascending.
-fn owners_of_inserted(mesh: &Mesh, n_old: usize) -> Vec<Face> {
-    faces_where(mesh, |v| v.index() >= n_old)
 }
 
 /// Where `v` lies in `parent`: at a corner, on an edge, in the centre, or elsewhere.
@@ -418,9 +373,13 @@ mod tests {
         }));
         let faces: Vec<_> = (0..6).map(|i| [0, 1 + i, 1 + (i + 1) % 6]).collect();
         let m = mesh(&points, &faces);
-        let inserts = Inserts::none(&m);
+        let inserts = Inserts::none();
         let refined = refine(&m, &inserts).unwrap();
         (m, inserts, refined)
+    }
+
+    fn all_whole(m: &Mesh) -> PerVert<bool> {
+        PerVert::filled(m.n_verts(), true)
     }
 
     fn v(i: usize) -> Vert {
@@ -431,12 +390,13 @@ mod tests {
     fn a_collapse_removes_two_faces_and_frees_a_slot_for_an_inserted_vertex() {
         let (m, inserts, refined) = hexagon();
         // Pretend that vertices 5 and 6 were inserted.
-        let mut edit = Edit::new(&refined, 5);
+        let is_whole = all_whole(&m);
+        let mut edit = Edit::new(&refined, 5, &is_whole);
         assert!(edit.collapsible(v(1), v(0)).is_none(), "a border vertex stays");
         assert!(edit.collapsible(v(0), v(1)).is_none(), "its neighbours would keep too few");
         let others = edit.collapse(v(0), v(1));
         assert_eq!(others, [1, 2, 3, 4].map(Face::new));
-        let edited = edit.finish(&m, &inserts).unwrap();
+        let edited = edit.finish(&m, &inserts, |v| v).unwrap();
         let faces: Vec<_> = edited.mesh.faces().iter().map(|f| f.map(Vert::index)).collect();
         // Vertex 6 takes slot 0.
         assert_eq!(faces, [[1, 2, 3], [1, 3, 4], [1, 4, 5], [1, 5, 0]]);
@@ -451,13 +411,14 @@ mod tests {
     #[test]
     fn a_flip_takes_the_other_diagonal() {
         let (m, inserts, refined) = hexagon();
-        let mut edit = Edit::new(&refined, 7);
+        let is_whole = all_whole(&m);
+        let mut edit = Edit::new(&refined, 7, &is_whole);
         let [f, g] = edit.faces_beside(v(0), v(2)).unwrap();
         assert_eq!([f, g], [Face::new(1), Face::new(0)]);
         edit.flip([f, g], [[v(1), v(2), v(3)], [v(1), v(3), v(0)]]);
         assert_eq!(edit.link(v(0)), [1, 3, 4, 5, 6].map(v));
         assert_eq!(edit.link(v(1)), [0, 2, 3, 6].map(v));
-        let edited = edit.finish(&m, &inserts).unwrap();
+        let edited = edit.finish(&m, &inserts, |v| v).unwrap();
         assert_eq!(edited.mesh.corners(Face::new(1)), [v(1), v(2), v(3)]);
         assert_eq!(edited.now.as_slice(), [0, 1, 2, 3, 4, 5, 6].map(v));
     }
@@ -465,8 +426,9 @@ mod tests {
     #[test]
     fn misoriented_faces_are_not_beside_an_edge() {
         let m = mesh(&[[0.; 3], [1., 0., 0.], [0., 1., 0.], [0., 0., 1.]], &[[0, 1, 2], [0, 1, 3]]);
-        let refined = refine(&m, &Inserts::none(&m)).unwrap();
-        let edit = Edit::new(&refined, 4);
+        let refined = refine(&m, &Inserts::none()).unwrap();
+        let is_whole = all_whole(&m);
+        let edit = Edit::new(&refined, 4, &is_whole);
         assert_eq!(edit.faces_beside(v(0), v(1)), None);
         assert!(!edit.is_surrounded(v(0)));
     }

@@ -34,6 +34,7 @@ pub mod collapse;
 pub mod denoise;
 mod edit;
 pub mod error;
+mod excerpt;
 pub mod fit;
 pub mod geometry;
 pub mod io;
@@ -46,6 +47,7 @@ pub mod refine;
 pub mod regions;
 pub mod report;
 pub mod stencil;
+mod subset;
 pub mod tags;
 pub mod untangle;
 pub mod weld;
@@ -91,7 +93,7 @@ pub struct Sharpened {
 /// # Errors
 /// When the output has more elements than the 32-bit index type can count.
 pub fn sharpen(mesh: &Mesh, options: &Options) -> Result<Sharpened, MeshError> {
-    sharpen_observed(mesh, options, |_| ())
+    rebuild(mesh, options, None)
 }
 
 /// [`sharpen`] that also carries along what a file says about the mesh beyond points and faces. What could
@@ -104,6 +106,9 @@ pub fn sharpen_with_attributes(
     mut attributes: Attributes,
     options: &Options,
 ) -> Result<(Sharpened, Attributes, Vec<String>), MeshError> {
+    if attributes.is_plain() {
+        return Ok((sharpen(mesh, options)?, attributes, Vec::new()));
+    }
     let mut notices = Vec::new();
     let sharpened = sharpen_observed(mesh, options, |Rebuild { old, new, lineage, tags }| {
         let (carried, lost) = std::mem::take(&mut attributes).carry(lineage, old, new, tags.sharp_edges());
@@ -135,6 +140,15 @@ pub fn sharpen_observed(
     options: &Options,
     mut on_rebuild: impl FnMut(Rebuild<'_>),
 ) -> Result<Sharpened, MeshError> {
+    rebuild(mesh, options, Some(&mut on_rebuild))
+}
+
+/// [`sharpen_observed`], or without an observer: then nobody wants to know where faces come from.
+fn rebuild(
+    mesh: &Mesh,
+    options: &Options,
+    mut on_rebuild: Option<&mut dyn FnMut(Rebuild<'_>)>,
+) -> Result<Sharpened, MeshError> {
     levels_fit(mesh.n_faces(), options.bend, options.max_faces)?;
     let mut report = Report {
         method: options.method,
@@ -151,13 +165,15 @@ pub fn sharpen_observed(
     if options.denoise > 0 {
         let smoothed =
             report.seconds.time("denoise", || denoise(&sharpened.mesh, &sharpened.tags, options.denoise))?;
-        let lineage = Lineage::identity(&smoothed);
-        on_rebuild(Rebuild {
-            old: &sharpened.mesh,
-            new: &smoothed,
-            lineage: &lineage,
-            tags: &sharpened.tags,
-        });
+        if let Some(on_rebuild) = &mut on_rebuild {
+            let lineage = Lineage::identity(&smoothed);
+            on_rebuild(Rebuild {
+                old: &sharpened.mesh,
+                new: &smoothed,
+                lineage: &lineage,
+                tags: &sharpened.tags,
+            });
+        }
         sharpened.mesh = smoothed;
         report.changed = true;
     }
@@ -166,12 +182,14 @@ pub fn sharpen_observed(
         let bent = report
             .seconds
             .time("bend", || bend(&sharpened.mesh, &sharpened.tags, &BendOptions::default()))?;
-        on_rebuild(Rebuild {
-            old: &sharpened.mesh,
-            new: &bent.mesh,
-            lineage: &bent.lineage,
-            tags: &bent.tags,
-        });
+        if let Some(on_rebuild) = &mut on_rebuild {
+            on_rebuild(Rebuild {
+                old: &sharpened.mesh,
+                new: &bent.mesh,
+                lineage: &bent.lineage,
+                tags: &bent.tags,
+            });
+        }
         (sharpened.mesh, sharpened.tags) = (bent.mesh, bent.tags);
         report.bent.push(bent.counts);
         report.changed = true;

@@ -18,6 +18,12 @@ use rayon::prelude::*;
 
 use crate::geometry::unit_normal;
 
+/// What kinds of elements have in common: an index of their own type.
+pub(crate) trait Element: Copy {
+    fn of(i: usize) -> Self;
+    fn at(self) -> usize;
+}
+
 macro_rules! index_type {
     ($(#[$doc:meta])* $name:ident) => {
         $(#[$doc])*
@@ -52,6 +58,18 @@ macro_rules! index_type {
             #[must_use]
             pub fn is_some(self) -> bool {
                 self != Self::NONE
+            }
+        }
+
+        impl Element for $name {
+            #[inline]
+            fn of(i: usize) -> Self {
+                Self::new(i)
+            }
+
+            #[inline]
+            fn at(self) -> usize {
+                self.index()
             }
         }
 
@@ -297,7 +315,13 @@ impl Mesh {
                 return Err(MeshError::NoSuchVertex { face, vertex: v.index(), vertices: points.len() });
             }
         }
-        Ok(Self { points: points.into(), faces: faces.into(), twins: OnceLock::new(), fans: OnceLock::new() })
+        Ok(Self::of_valid_parts(points, faces))
+    }
+
+    /// The mesh of `points` and `faces` that are known to go together.
+    pub(crate) fn of_valid_parts(points: Vec<DVec3>, faces: Vec<[Vert; 3]>) -> Self {
+        debug_assert!(faces.iter().flatten().all(|v| v.index() < points.len()));
+        Self { points: points.into(), faces: faces.into(), twins: OnceLock::new(), fans: OnceLock::new() }
     }
 
     /// The twins, made on first use from the fans: O(F log k), k the largest number of edges at one vertex.

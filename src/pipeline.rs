@@ -4,16 +4,18 @@
 //! sharp; what they hand on is the same: labels, inserts, tags.
 
 use crate::classify::{Labels, SmoothThreshold, classify, classify_interior, red_edges};
-use crate::collapse::collapse_degenerate_faces;
-use crate::edit::{Edit, Edited};
-use crate::mesh::{Face, Half, Mesh, MeshError, PerHalf, PerVert, Vert};
+use crate::collapse::{CollapseCounts, collapse_degenerate_faces};
+use crate::edit::Edit;
+use crate::excerpt::{Excerpt, Now, RINGS, Rejoined};
+use crate::mesh::{Half, Mesh, MeshError, PerHalf, Vert};
 use crate::options::{Method, Options};
 use crate::place::{Outcome, Placement, place};
-use crate::refine::{Inserts, Lineage, Refined, refine};
+use crate::refine::{Child, Inserts, Lineage, Split, split};
 use crate::regions::{RegionLabels, label_by_fits, place_by_fits, verdict};
 use crate::report::{Found, Report, Seconds};
+use crate::subset::Subset;
 use crate::tags::{Tags, tags_by_dihedral};
-use crate::untangle::{Context, untangle};
+use crate::untangle::{Context, UntangleCounts, untangle};
 use crate::{Rebuild, Sharpened};
 
 /// Finds the chamfers of `mesh` and puts its sharp edges back.
@@ -21,7 +23,7 @@ pub(crate) fn sharpen(
     mesh: &Mesh,
     options: &Options,
     report: &mut Report,
-    on_rebuild: &mut dyn FnMut(Rebuild<'_>),
+    on_rebuild: &mut Option<&mut dyn FnMut(Rebuild<'_>)>,
 ) -> Result<Sharpened, MeshError> {
     let mut seconds = std::mem::take(&mut report.seconds);
     let chamfers = find(mesh, options, &mut seconds);
@@ -35,16 +37,17 @@ pub(crate) fn sharpen(
     }
 
     if let Some(regions) = &chamfers.regions {
+        report.found.chamfer_edges = regions.chamfers.len();
         let verdict = || verdict(mesh, regions, &chamfers.placement);
         report.verdict = options.keep_verdict.then(|| seconds.time("verdict", verdict));
     }
 
-    let refined = seconds.time("refine", || refine(mesh, inserts))?;
-    let cleaned = seconds.time("clean", || clean(mesh, &refined, &chamfers, report))?;
+    let split = seconds.time("refine", || split(mesh, inserts))?;
+    let keeps_lineage = report.changed && on_rebuild.is_some();
+    let cleaned = seconds.time("clean", || clean(mesh, split, &chamfers, report, keeps_lineage))?;
     let tags = seconds.time("tags", || find_tags(mesh, &chamfers, &cleaned, options.method));
-    drop(refined);
-    if report.changed {
-        on_rebuild(Rebuild { old: mesh, new: &cleaned.mesh, lineage: &cleaned.lineage, tags: &tags });
+    if let (Some(on_rebuild), Some(lineage)) = (on_rebuild, &cleaned.lineage) {
+        on_rebuild(Rebuild { old: mesh, new: &cleaned.mesh, lineage, tags: &tags });
     }
     report.seconds = seconds;
     let labels = options.keep_labels.then_some(chamfers.labels);
@@ -60,7 +63,7 @@ pub(crate) fn given_tags(mesh: &Mesh, options: &Options) -> Tags {
 
 /// The chamfers of a mesh, and where their new vertices go.
 struct Chamfers {
-    /// The colours. By region fits, chamfer edges and corner triangles are those of the fits.
+    /// The colours. By region fits corner triangles are those of the fits, and chamfer edges if labels are kept.
     pub labels: Labels,
     /// The fits, where they were made.
     pub regions: Option<RegionLabels>,
@@ -110,7 +113,7 @@ fn find(mesh: &Mesh, options: &Options, seconds: &mut Seconds) -> Chamfers {
         labels = classify(mesh, &normals, &options.classify_options());
         labels.chamfer_edge = PerHalf::filled(mesh.n_halves(), false);
         labels.corner_faces.clear();
-        let placement = Placement { inserts: Inserts::none(mesh), outcomes: Vec::new() };
+        let placement = Placement { inserts: Inserts::none(), outcomes: Vec::new() };
         return Chamfers { labels, regions: None, placement, unfit };
     }
     if options.method != Method::Regions {
@@ -119,10 +122,10 @@ fn find(mesh: &Mesh, options: &Options, seconds: &mut Seconds) -> Chamfers {
     }
     let mut regions = seconds.time("regions", || label_by_fits(mesh, &normals, &labels));
     let placement = seconds.time("place", || place_by_fits(mesh, &regions, options.max_shift()));
-    labels.chamfer_edge.clone_from(&regions.chamfer_edge);
     labels.corner_faces.clone_from(&regions.corner_faces);
     labels.red_face = std::mem::take(&mut regions.red_face);
     if options.keep_labels {
+        labels.chamfer_edge = regions.chamfer_edge(mesh);
         labels.red_edge = red_edges(mesh, &labels.red_face);
         labels.abstained = regions.abstained();
         labels.beyond_reach = regions.beyond_reach(mesh);
@@ -133,60 +136,78 @@ fn find(mesh: &Mesh, options: &Options, seconds: &mut Seconds) -> Chamfers {
 /// A sharpened mesh without its degenerate or folded faces.
 struct Cleaned {
     pub mesh: Mesh,
-    pub lineage: Lineage,
+    /// Where its faces come from, if that was asked for.
+    pub lineage: Option<Lineage>,
     /// Edges that subdivision created and that may be sharp, before cleaning.
     created: Vec<[Vert; 2]>,
-    /// For each vertex before cleaning what it is now.
-    now: PerVert<Vert>,
+    /// What each vertex before cleaning is now.
+    now: Now,
 }
 
-/// Cleans the faces at inserted vertices of `refined`.
+/// Refines `mesh` round its `split` faces and cleans the faces at inserted vertices.
 fn clean(
     mesh: &Mesh,
-    refined: &Refined,
+    split: Split,
     chamfers: &Chamfers,
     report: &mut Report,
+    keeps_lineage: bool,
 ) -> Result<Cleaned, MeshError> {
-    let n_old = mesh.n_verts();
-    let placement = &chamfers.placement;
-    let is_moved = |v: Vert| placement.outcomes[v.index() - n_old] == Outcome::Moved;
-    let mut edit = Edit::new(refined, n_old);
-    let created = match &chamfers.regions {
-        None => {
-            report.degenerate_faces = Some(collapse_degenerate_faces(&mut edit, &refined.children, is_moved));
-            edges_at_inserted(&refined.mesh, &refined.children, n_old)
+    let inserts = &chamfers.placement.inserts;
+    let mut rings = RINGS;
+    let rejoined = loop {
+        let excerpt = Excerpt::new(mesh, inserts, &split, rings);
+        let mut edit = Edit::new(&excerpt.refined, excerpt.n_old(), &excerpt.is_whole);
+        match &chamfers.regions {
+            None => report.degenerate_faces = Some(mend_degenerate_faces(&excerpt, chamfers, &mut edit)),
+            Some(regions) => {
+                report.untangled = Some(untangle_excerpt(mesh, &excerpt, chamfers, regions, &mut edit))
+            }
         }
-        Some(regions) => {
-            let is_chamfer_end = chamfer_ends(mesh, &chamfers.labels);
-            let context = Context {
-                before: mesh,
-                refined,
-                fit: &|v| regions.fits.get(v),
-                is_chamfer_end: &|v| is_chamfer_end[v],
-                is_moved: &is_moved,
-                mean_edge: regions.mean_edge,
-            };
-            report.untangled = Some(untangle(&context, &mut edit));
-            refined.creases.clone()
+        if !edit.is_at_fringe() {
+            let edited = edit.finish(mesh, inserts, |v| excerpt.whole(v))?;
+            break excerpt.rejoin(edited, keeps_lineage);
         }
+        rings += 1;
     };
-    let Edited { mesh, lineage, now, replaced } = edit.finish(mesh, &placement.inserts)?;
+    let Rejoined { mesh: cleaned, lineage, now, replaced } = rejoined;
     report.replaced_vertices = replaced.iter().map(|v| v.index()).collect();
-    Ok(Cleaned { mesh, lineage, created, now })
+    let created = match &chamfers.regions {
+        None => edges_at_inserted(&split, mesh.n_verts()),
+        Some(_) => split.creases,
+    };
+    Ok(Cleaned { mesh: cleaned, lineage, created, now })
 }
 
-fn edges_at_inserted(refined: &Mesh, faces: &[Face], n_old: usize) -> Vec<[Vert; 2]> {
-    let edges = |f: &Face| f.halves().map(|h| [refined.from(h), refined.to(h)]);
+fn mend_degenerate_faces(excerpt: &Excerpt<'_>, chamfers: &Chamfers, edit: &mut Edit<'_>) -> CollapseCounts {
+    let is_moved = |v: Vert| chamfers.placement.outcomes[v.index() - excerpt.n_old()] == Outcome::Moved;
+    collapse_degenerate_faces(edit, &excerpt.refined.children, is_moved)
+}
+
+fn untangle_excerpt(
+    mesh: &Mesh,
+    excerpt: &Excerpt<'_>,
+    chamfers: &Chamfers,
+    regions: &RegionLabels,
+    edit: &mut Edit<'_>,
+) -> UntangleCounts {
+    let ends = regions.chamfers.iter().flat_map(|&h| [mesh.from(h), mesh.to(h)]);
+    let chamfer_ends = Subset::of(mesh.n_verts(), ends);
+    let context = Context {
+        before: mesh,
+        refined: &excerpt.refined,
+        n_old: excerpt.n_old(),
+        fit: &|v| regions.fits.get(excerpt.whole(v)),
+        is_chamfer_end: &|v| chamfer_ends.contains(excerpt.whole(v)),
+        is_moved: &|v| chamfers.placement.outcomes[v.index() - excerpt.n_old()] == Outcome::Moved,
+        mean_edge: regions.mean_edge,
+    };
+    untangle(&context, edit)
+}
+
+fn edges_at_inserted(split: &Split, n_old: usize) -> Vec<[Vert; 2]> {
+    let edges = |child: &Child| [0, 1, 2].map(|i| [child[i].0, child[(i + 1) % 3].0]);
     let at_inserted = |edge: &[Vert; 2]| edge.iter().any(|v| v.index() >= n_old);
-    faces.iter().flat_map(edges).filter(at_inserted).collect()
-}
-
-fn chamfer_ends(mesh: &Mesh, labels: &Labels) -> PerVert<bool> {
-    let mut is_end = PerVert::filled(mesh.n_verts(), false);
-    for h in mesh.halves().filter(|&h| labels.chamfer_edge[h]) {
-        is_end[mesh.from(h)] = true;
-    }
-    is_end
+    split.children.iter().flat_map(edges).filter(at_inserted).collect()
 }
 
 /// Finds the sharp edges of the cleaned mesh. `mesh` is the input.
@@ -194,13 +215,11 @@ fn find_tags(mesh: &Mesh, chamfers: &Chamfers, cleaned: &Cleaned, method: Method
     let labels = &chamfers.labels;
     let n_old = mesh.n_verts();
     let is_tagged = |v: &Vert| v.index() >= n_old || labels.tagged_vertex[*v];
-    let now = |edge: [Vert; 2]| edge.map(|v| cleaned.now[v]);
+    let now = |edge: [Vert; 2]| edge.map(|v| cleaned.now.of(v));
     if method == Method::Paper {
-        let mut tagged = PerVert::filled(cleaned.mesh.n_verts(), false);
-        for v in (0..cleaned.now.len()).map(Vert::new).filter(is_tagged) {
-            tagged[cleaned.now[v]] = true;
-        }
-        return Tags::between_tagged(&cleaned.mesh, &tagged);
+        let n_inserted = chamfers.placement.inserts.points.len();
+        let tagged = (0..n_old + n_inserted).map(Vert::new).filter(is_tagged).map(|v| cleaned.now.of(v));
+        return Tags::between_tagged(&cleaned.mesh, tagged);
     }
     let old: Vec<Half> = match &chamfers.regions {
         None => mesh.edges().filter(|&h| labels.sharp_edge[h]).collect(),

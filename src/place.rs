@@ -103,8 +103,10 @@ pub struct Placement {
 /// Places a new vertex on every chamfer edge and in every corner triangle of `labels`.
 #[must_use]
 pub fn place(mesh: &Mesh, normals: &PerFace<DVec3>, labels: &Labels, rules: &PlaceRules) -> Placement {
-    let chamfers: Vec<Half> = mesh.edges().filter(|&h| labels.chamfer_edge[h]).collect();
-    let mut inserts = Inserts::in_the_middle(mesh, |h| labels.chamfer_edge[h], &labels.corner_faces);
+    let halves = (0..mesh.n_halves()).into_par_iter().map(Half::new);
+    let is_chamfer = |&h: &Half| labels.chamfer_edge[h] && mesh.edge(h) == h;
+    let chamfers: Vec<Half> = halves.filter(is_chamfer).collect();
+    let mut inserts = Inserts::in_the_middle_of(mesh, &chamfers, &labels.corner_faces);
     let plane = |v: Vert| region_plane(mesh, normals, labels, v);
     let on_edge = |&h: &Half| place_on_edge(mesh, h, plane, rules);
     let in_corner = |&f: &Face| place_in_corner(mesh, f, plane, rules);
@@ -200,7 +202,9 @@ fn within(point: DVec3, centre: DVec3, edge: f64, limit: ShiftLimit) -> Option<D
 /// of its moved ends the one that moved further goes back (a tie goes to the smaller index).
 fn limit_created_edges(mesh: &Mesh, centres: &[DVec3], placement: &mut Placement) {
     // One part in 10^12 of slack: a created edge may be an input edge, rounded another way.
-    let limit = mesh.edges().map(|h| mesh.length(h)).fold(0.0, f64::max) * (1.0 + 1e-12);
+    let longest =
+        mesh.faces().par_iter().map(|&corners| longest_side(mesh, corners)).reduce(|| 0.0, f64::max);
+    let limit = longest.sqrt() * (1.0 + 1e-12);
     let n_old = mesh.n_verts();
     let new = |v: Vert| v.index().checked_sub(n_old);
     let Placement { inserts, outcomes } = placement;
@@ -232,12 +236,18 @@ fn limit_created_edges(mesh: &Mesh, centres: &[DVec3], placement: &mut Placement
     }
 }
 
+/// Square of the length of a face's longest side.
+fn longest_side(mesh: &Mesh, corners: [Vert; 3]) -> f64 {
+    let [a, b, c] = corners.map(|v| mesh.point(v));
+    a.distance_squared(b).max(b.distance_squared(c)).max(c.distance_squared(a))
+}
+
 /// Every edge that subdivision will create at an inserted vertex, from each inserted end, ascending.
 fn created_edges(mesh: &Mesh, inserts: &Inserts, centres: &[DVec3]) -> Vec<[Vert; 2]> {
     let n_old = mesh.n_verts();
     let middle = |v: Vert| v.index().checked_sub(n_old).map_or_else(|| mesh.point(v), |i| centres[i]);
     let mut created = Vec::new();
-    for f in mesh.face_ids().filter(|f| f.halves().into_iter().any(|h| inserts.on_edge[h].is_some())) {
+    for f in inserts.on_edge.faces() {
         for child in split_face(mesh, inserts, f, middle).iter() {
             for i in 0..3 {
                 let (a, b) = (child[i].0, child[(i + 1) % 3].0);

@@ -16,7 +16,8 @@
 //! In/out: `Mesh` + `Inserts` -> `Refined`; children stand where their parent stood.
 //! Cost: O(F), one pass to count and one to write, both parallel.
 
-use std::ops::Range;
+use std::collections::BTreeSet;
+use std::ops::{Index, Range};
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -28,26 +29,70 @@ use crate::mesh::{Face, Half, Mesh, MeshError, PerFace, PerHalf, Vert, check_siz
 /// New vertex `i` gets the index `n_verts + i`.
 #[derive(Clone, Debug)]
 pub struct Inserts {
-    /// The new vertex on the edge of each half-edge, the same for twins; [`Vert::NONE`] for no split. `[3F]`
-    pub on_edge: PerHalf<Vert>,
+    /// The new vertex on the edge of each half-edge, the same for twins; [`Vert::NONE`] for no split.
+    pub on_edge: OnEdge,
     /// The faces that get a vertex inside, ascending. All three of their edges are split.
     pub in_face: Vec<(Face, Vert)>,
     /// Where each new vertex goes. `[N]`
     pub points: Vec<DVec3>,
-    /// Old vertices that go elsewhere.
+    /// Old vertices that go elsewhere, ascending.
     pub moved: Vec<(Vert, DVec3)>,
+}
+
+/// The new vertices on edges, by half-edge.
+#[derive(Clone, Debug)]
+pub enum OnEdge {
+    /// One entry for each half-edge of the mesh. `[3F]`
+    Any(PerHalf<Vert>),
+    /// One entry for each half-edge with a new vertex, ascending.
+    Few(Vec<(Half, Vert)>),
+}
+
+impl Index<Half> for OnEdge {
+    type Output = Vert;
+    fn index(&self, h: Half) -> &Vert {
+        match self {
+            Self::Any(on_edge) => &on_edge[h],
+            Self::Few(list) => {
+                list.binary_search_by_key(&h, |entry| entry.0).map_or(&Vert::NONE, |i| &list[i].1)
+            }
+        }
+    }
+}
+
+impl OnEdge {
+    /// The new vertices on the three edges of `f`.
+    fn of_face(&self, f: Face) -> [Vert; 3] {
+        let list = match self {
+            Self::Any(on_edge) => return f.halves().map(|h| on_edge[h]),
+            Self::Few(list) => &list[list.partition_point(|&(h, _)| h < f.half(0))..],
+        };
+        let mut of_face = [Vert::NONE; 3];
+        list.iter().take_while(|(h, _)| h.face() == f).for_each(|&(h, v)| of_face[h.corner()] = v);
+        of_face
+    }
+
+    /// The faces with a split edge, ascending.
+    pub(crate) fn faces(&self) -> Vec<Face> {
+        match self {
+            Self::Any(on_edge) => {
+                let is_split = |f: &Face| f.halves().into_iter().any(|h| on_edge[h].is_some());
+                (0..on_edge.len() / 3).into_par_iter().map(Face::new).filter(is_split).collect()
+            }
+            Self::Few(list) => {
+                let mut faces: Vec<Face> = list.iter().map(|(h, _)| h.face()).collect();
+                faces.dedup();
+                faces
+            }
+        }
+    }
 }
 
 impl Inserts {
     /// No insert at all.
     #[must_use]
-    pub fn none(mesh: &Mesh) -> Self {
-        Self {
-            on_edge: PerHalf::filled(mesh.n_halves(), Vert::NONE),
-            in_face: Vec::new(),
-            points: Vec::new(),
-            moved: Vec::new(),
-        }
+    pub fn none() -> Self {
+        Self { on_edge: OnEdge::Few(Vec::new()), in_face: Vec::new(), points: Vec::new(), moved: Vec::new() }
     }
 
     /// Splits the edges for which `is_split` holds, in the order of [`Mesh::edges`], and puts a vertex
@@ -56,28 +101,24 @@ impl Inserts {
     /// The half-edges of a non-manifold or misoriented edge get one vertex in common, at the first of
     /// them that is split, so that the faces hang together after the split as they did before.
     pub fn in_the_middle(mesh: &Mesh, is_split: impl Fn(Half) -> bool + Send + Sync, faces: &[Face]) -> Self {
-        let mut inserts = Self::none(mesh);
-        let knots = Knots::of(mesh);
         let halves = (0..mesh.n_halves()).into_par_iter().map(Half::new);
         let mut split: Vec<Half> = halves.filter(|&h| is_split(h) && mesh.edge(h) == h).collect();
-        let mut n_verts = mesh.n_verts();
-        split.retain(|&h| {
-            if inserts.on_edge[h].is_some() {
-                return false;
-            }
-            let vertex = Vert::new(n_verts);
-            n_verts += 1;
-            inserts.on_edge[h] = vertex;
-            if let Some(twin) = mesh.twin(h) {
-                inserts.on_edge[twin] = vertex;
-            }
-            for &(_, g) in knots.around(mesh, h) {
-                inserts.on_edge[g] = vertex;
-            }
-            true
-        });
+        let mut on_edge = PerHalf::filled(mesh.n_halves(), Vert::NONE);
+        number_edges(mesh, &mut split, |h, vertex| on_edge[h] = vertex);
+        Self::of(mesh, OnEdge::Any(on_edge), &split, faces)
+    }
+
+    /// Does the same for few edges, which are given as their lower half-edges, ascending.
+    pub(crate) fn in_the_middle_of(mesh: &Mesh, edges: &[Half], faces: &[Face]) -> Self {
+        let (mut split, mut on_edge) = (edges.to_vec(), Vec::with_capacity(2 * edges.len()));
+        number_edges(mesh, &mut split, |h, vertex| on_edge.push((h, vertex)));
+        on_edge.sort_unstable();
+        Self::of(mesh, OnEdge::Few(on_edge), &split, faces)
+    }
+
+    fn of(mesh: &Mesh, on_edge: OnEdge, split: &[Half], faces: &[Face]) -> Self {
         let middle = |&h: &Half| mesh.point(mesh.from(h)).midpoint(mesh.point(mesh.to(h)));
-        inserts.points = split.par_iter().map(middle).collect();
+        let mut inserts = Self { on_edge, points: split.par_iter().map(middle).collect(), ..Self::none() };
         for &f in faces {
             let vertex = Vert::new(mesh.n_verts() + inserts.points.len());
             inserts.in_face.push((f, vertex));
@@ -92,11 +133,35 @@ impl Inserts {
         self.points.is_empty() && self.moved.is_empty()
     }
 
+    /// Where old vertex `v` of `mesh` goes.
+    pub(crate) fn old_point(&self, mesh: &Mesh, v: Vert) -> DVec3 {
+        let moved = self.moved.binary_search_by_key(&v, |&(vertex, _)| vertex);
+        moved.map_or_else(|_| mesh.point(v), |i| self.moved[i].1)
+    }
+
     /// The vertex inside `f`, if it gets one.
     #[must_use]
     pub fn centre(&self, f: Face) -> Option<Vert> {
         self.in_face.binary_search_by_key(&f, |&(face, _)| face).ok().map(|i| self.in_face[i].1)
     }
+}
+
+/// Gives each edge in `split` a new vertex, on all its half-edges, and takes out those that have one by then.
+fn number_edges(mesh: &Mesh, split: &mut Vec<Half>, mut put: impl FnMut(Half, Vert)) {
+    let knots = Knots::of(mesh);
+    let mut in_knots = BTreeSet::new();
+    let mut next = mesh.n_verts();
+    split.retain(|&h| {
+        if in_knots.contains(&h) {
+            return false;
+        }
+        let vertex = Vert::new(next);
+        next += 1;
+        let others = knots.around(mesh, h).iter().map(|&(_, g)| g).filter(|&g| g != h);
+        [Some(h), mesh.twin(h)].into_iter().flatten().chain(others.clone()).for_each(|g| put(g, vertex));
+        in_knots.extend(others);
+        true
+    });
 }
 
 /// The edges whose half-edges are no twins although they join the same two vertices: three faces or more
@@ -226,7 +291,7 @@ pub(crate) fn split_face(
     middle: impl Fn(Vert) -> DVec3,
 ) -> Children {
     let corners = mesh.corners(f);
-    let on_edge = f.halves().map(|h| inserts.on_edge[h]);
+    let on_edge = inserts.on_edge.of_face(f);
     let corner = |i: usize| (corners[i % 3], Place::Corner((i % 3) as u8));
     let mid = |i: usize| (on_edge[i % 3], Place::Mid((i % 3) as u8));
     let is_split = on_edge.map(Vert::is_some);
@@ -270,6 +335,58 @@ pub(crate) fn split_face(
     }
 }
 
+/// The pieces of creases in a split face: the edges between two inserted vertices (cases b and c).
+fn creases_of(children: &Children) -> impl Iterator<Item = [Vert; 2]> + '_ {
+    let (n, centre) = (children.len(), children[0][2].0);
+    let across = (n == 3).then(|| [children[0][1].0, centre]);
+    let spokes = (0..6).step_by(2).filter(move |_| n == 6).map(move |i| [children[i][1].0, centre]);
+    across.into_iter().chain(spokes)
+}
+
+/// The split faces of a mesh and what becomes of them, without the rest of it.
+pub(crate) struct Split {
+    /// The split faces, ascending ...
+    pub faces: Vec<Face>,
+    /// ... where the children of each begin, and where those of the last one end ...
+    pub starts: Vec<u32>,
+    /// ... and the children.
+    pub children: Vec<Child>,
+    /// As in [`Refined`].
+    pub creases: Vec<[Vert; 2]>,
+    /// As in [`Refined`].
+    pub middles: Vec<DVec3>,
+}
+
+impl Split {
+    /// The children of `faces[i]`.
+    pub(crate) fn children(&self, i: usize) -> &[Child] {
+        &self.children[self.starts[i] as usize..self.starts[i + 1] as usize]
+    }
+}
+
+/// Splits the faces of `mesh` that `inserts` split.
+///
+/// # Errors
+/// When the new mesh would have more elements than the index type can count.
+pub(crate) fn split(mesh: &Mesh, inserts: &Inserts) -> Result<Split, MeshError> {
+    let faces = inserts.on_edge.faces();
+    let old_point = |v: Vert| inserts.old_point(mesh, v);
+    let middles = middles(mesh, inserts, old_point, &faces);
+    let middle = |v: Vert| v.index().checked_sub(mesh.n_verts()).map_or_else(|| old_point(v), |i| middles[i]);
+    let mut split =
+        Split { starts: vec![0], children: Vec::new(), creases: Vec::new(), faces, middles: Vec::new() };
+    for &f in &split.faces {
+        let children = split_face(mesh, inserts, f, middle);
+        split.creases.extend(creases_of(&children));
+        split.children.extend_from_slice(&children);
+        split.starts.push(split.children.len() as u32);
+    }
+    split.middles = middles;
+    let n_faces = mesh.n_faces() - split.faces.len() + split.children.len();
+    check_size(mesh.n_verts() + inserts.points.len(), n_faces)?;
+    Ok(split)
+}
+
 /// Rebuilds `mesh` with `inserts`.
 ///
 /// # Errors
@@ -280,9 +397,8 @@ pub fn refine(mesh: &Mesh, inserts: &Inserts) -> Result<Refined, MeshError> {
     for &(v, point) in &inserts.moved {
         points[v.index()] = point;
     }
-    let is_split = |f: &Face| f.halves().into_iter().any(|h| inserts.on_edge[h].is_some());
-    let split: Vec<Face> = (0..mesh.n_faces()).into_par_iter().map(Face::new).filter(is_split).collect();
-    let middles = middles(mesh, inserts, &points, &split);
+    let split = inserts.on_edge.faces();
+    let middles = middles(mesh, inserts, |v| points[v.index()], &split);
     let middle = |v: Vert| match v.index().checked_sub(mesh.n_verts()) {
         Some(i) => middles[i],
         None => points[v.index()],
@@ -323,7 +439,7 @@ struct Chunk<'a> {
 const CHUNK: usize = 1 << 14;
 
 fn chunks<'a>(mesh: &Mesh, inserts: &Inserts, split: &'a [Face]) -> Vec<Chunk<'a>> {
-    let n_grown = |&f: &Face| match f.halves().into_iter().filter(|&h| inserts.on_edge[h].is_some()).count() {
+    let n_grown = |&f: &Face| match inserts.on_edge.of_face(f).into_iter().filter(|v| v.is_some()).count() {
         3 if inserts.centre(f).is_some() => 5,
         n_splits => n_splits,
     };
@@ -387,27 +503,23 @@ fn rebuild(
             places[next] = child.map(|(_, place)| place);
             next += 1;
         }
-        match children.len() {
-            3 => creases.push([children[0][1].0, children[0][2].0]),
-            6 => creases.extend(f.halves().map(|h| [inserts.on_edge[h], children[0][2].0])),
-            _ => {}
-        }
+        creases.extend(creases_of(&children));
     }
     (creases, children_ids)
 }
 
-/// Where the new vertices would be if they stayed in the middle of the (moved) old ones. `split` are the
-/// faces that have one.
-fn middles(mesh: &Mesh, inserts: &Inserts, points: &[DVec3], split: &[Face]) -> Vec<DVec3> {
-    let at = |v: Vert| points[v.index()];
+/// Where the new vertices would be if they stayed in the middle of the old ones, which are `at` their
+/// places after the move. `split` are the faces that have one.
+fn middles(mesh: &Mesh, inserts: &Inserts, at: impl Fn(Vert) -> DVec3, split: &[Face]) -> Vec<DVec3> {
     let mut middles = vec![DVec3::ZERO; inserts.points.len()];
-    for h in split.iter().flat_map(|f| f.halves()) {
-        if inserts.on_edge[h].is_some() {
-            middles[inserts.on_edge[h].index() - mesh.n_verts()] = at(mesh.from(h)).midpoint(at(mesh.to(h)));
+    for &f in split {
+        for (h, vertex) in f.halves().into_iter().zip(inserts.on_edge.of_face(f)).filter(|(_, v)| v.is_some())
+        {
+            middles[vertex.index() - mesh.n_verts()] = at(mesh.from(h)).midpoint(at(mesh.to(h)));
         }
     }
     for &(f, vertex) in &inserts.in_face {
-        middles[vertex.index() - mesh.n_verts()] = mesh.corners(f).map(at).into_iter().sum::<DVec3>() / 3.0;
+        middles[vertex.index() - mesh.n_verts()] = mesh.corners(f).map(&at).into_iter().sum::<DVec3>() / 3.0;
     }
     middles
 }
@@ -438,7 +550,7 @@ mod tests {
     #[test]
     fn without_inserts_the_mesh_is_the_same() {
         let m = triangle();
-        let r = refine(&m, &Inserts::none(&m)).unwrap();
+        let r = refine(&m, &Inserts::none()).unwrap();
         assert_eq!((r.mesh.points(), r.mesh.faces()), (m.points(), m.faces()));
         assert!(r.creases.is_empty());
     }

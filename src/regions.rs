@@ -85,8 +85,8 @@ pub struct RegionLabels {
     pub strip_of: Vec<u32>,
     /// ... and the strips with what became of them.
     pub strips: Vec<Strip>,
-    /// Chamfer edges: the candidates of the strips that were kept. `[3F]`
-    pub chamfer_edge: PerHalf<bool>,
+    /// Chamfer edges: the candidates of the strips that were kept, ascending.
+    pub chamfers: Vec<Half>,
     /// Corner triangles: those with three chamfer edges, ascending.
     pub corner_faces: Vec<Face>,
     /// Whether the samples beside the chamfers are off the surface.
@@ -98,6 +98,21 @@ pub struct RegionLabels {
 }
 
 impl RegionLabels {
+    /// Whether the edge of `h` is a chamfer edge.
+    #[must_use]
+    pub fn is_chamfer(&self, mesh: &Mesh, h: Half) -> bool {
+        self.chamfers.binary_search(&mesh.edge(h)).is_ok()
+    }
+
+    /// The chamfer edges as flags on both half-edges. `[3F]`
+    pub(crate) fn chamfer_edge(&self, mesh: &Mesh) -> PerHalf<bool> {
+        let mut flags = PerHalf::filled(mesh.n_halves(), false);
+        for &h in &self.chamfers {
+            [Some(h), mesh.twin(h)].into_iter().flatten().for_each(|h| flags[h] = true);
+        }
+        flags
+    }
+
     /// The edges that look like chamfers and were left alone, ascending.
     #[must_use]
     pub fn abstained(&self) -> Vec<Half> {
@@ -169,20 +184,19 @@ pub fn label_by_fits(mesh: &Mesh, face_normals: &PerFace<DVec3>, labels: &Labels
     let candidates = chamfer_edges(&surface, &fits);
     let (strip_of, strips) = gates::judge_strips(&surface, &fits, &candidates, noise);
     let is_kept = |&(_, &strip): &(&Half, &u32)| strips[strip as usize].fate == Fate::Kept;
-    let kept: Vec<Half> = candidates.iter().zip(&strip_of).filter(is_kept).map(|(&h, _)| h).collect();
-    let off_surface = gates::off_surface(&surface, &fits, &kept);
+    let chamfers: Vec<Half> = candidates.iter().zip(&strip_of).filter(is_kept).map(|(&h, _)| h).collect();
+    let off_surface = gates::off_surface(&surface, &fits, &chamfers);
     let is_noisy = noise::is_noisy(&surface, &fits, noise);
     let moved = if is_noisy {
-        let zone = noise::zone_of(&surface, &kept);
+        let zone = noise::zone_of(&surface, &chamfers);
         noise::fit_again(&surface, &mut fits, &zone);
         noise::moves(&surface, &fits, &zone)
     } else if off_surface.is_likely() {
-        place::moves(&surface, &fits, &kept)
+        place::moves(&surface, &fits, &chamfers)
     } else {
         Vec::new()
     };
-    let chamfer_edge = edge_flags(mesh, &kept);
-    let corner_faces = corner_faces(mesh, &chamfer_edge, &kept);
+    let corner_faces = corner_faces(mesh, &chamfers);
     let Surface { h: mean_edge, interior: interior_vertex, deep: deep_vertex, red_face, .. } = surface;
     RegionLabels {
         mean_edge,
@@ -194,7 +208,7 @@ pub fn label_by_fits(mesh: &Mesh, face_normals: &PerFace<DVec3>, labels: &Labels
         candidates,
         strip_of,
         strips,
-        chamfer_edge,
+        chamfers,
         corner_faces,
         off_surface,
         is_noisy,
@@ -252,26 +266,12 @@ fn chamfer_edges(surface: &Surface, fits: &VertexFits) -> Vec<Half> {
     chamfers
 }
 
-/// Flags both half-edges of each of `edges`. `[3F]`
-fn edge_flags(mesh: &Mesh, edges: &[Half]) -> PerHalf<bool> {
-    let mut flags = PerHalf::filled(mesh.n_halves(), false);
-    for &h in edges {
-        flags[h] = true;
-        if let Some(twin) = mesh.twin(h) {
-            flags[twin] = true;
-        }
-    }
-    flags
-}
-
 /// The faces with three chamfer edges, ascending.
-fn corner_faces(mesh: &Mesh, chamfer_edge: &PerHalf<bool>, chamfers: &[Half]) -> Vec<Face> {
-    let is_corner = |f: &Face| f.halves().into_iter().all(|h| chamfer_edge[h]);
+fn corner_faces(mesh: &Mesh, chamfers: &[Half]) -> Vec<Face> {
     let beside = |&h: &Half| [Some(h), mesh.twin(h)].into_iter().flatten().map(Half::face);
-    let mut corners: Vec<Face> = chamfers.iter().flat_map(beside).filter(is_corner).collect();
-    corners.sort_unstable();
-    corners.dedup();
-    corners
+    let mut faces: Vec<Face> = chamfers.iter().flat_map(beside).collect();
+    faces.sort_unstable();
+    faces.chunk_by(|f, g| f == g).filter(|edges| edges.len() == 3).map(|edges| edges[0]).collect()
 }
 
 #[cfg(test)]
@@ -426,7 +426,7 @@ mod tests {
         let m = Mesh::new(points, faces).unwrap();
         let (labels, placement) = run(&m);
         assert_eq!(labels.corner_faces.len(), 4);
-        assert!(m.halves().all(|h| !(labels.chamfer_edge[h] && m.is_border(h))));
+        assert!(labels.chamfers.iter().all(|&h| !m.is_border(h)));
         assert!(placement.inserts.points.iter().all(|&p| n_sides(p, 8) >= 2));
     }
 

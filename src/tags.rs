@@ -7,10 +7,12 @@
 //! In/out: the cleaned mesh and what is tagged -> `Tags`.
 //! Cost: O(edges at tagged vertices).
 
+use rayon::prelude::*;
+
 use crate::classify::dihedral_angle;
-use crate::edit::faces_where;
 use crate::geometry::{angle_between, unit_normal};
-use crate::mesh::{Face, Half, Mesh, PerHalf, PerVert, Vert};
+use crate::mesh::{Face, Half, Mesh, PerHalf, Vert};
+use crate::subset::Subset;
 
 /// An edge with a smaller dihedral angle in the output is not sharp, in radians: 15 degrees. With it a
 /// sphere has no sharp edge and a block with round edges 46 instead of 2523.
@@ -43,12 +45,14 @@ impl Tags {
         Self { sharp, tagged }
     }
 
-    /// The papers' sharp edges: every edge of `mesh` between two tagged vertices.
+    /// The papers' sharp edges: every edge of `mesh` between two of the `tagged` vertices.
     #[must_use]
-    pub fn between_tagged(mesh: &Mesh, is_tagged: &PerVert<bool>) -> Self {
-        let edges = mesh.faces().iter().flat_map(|&[a, b, c]| [[a, b], [b, c], [c, a]]);
-        let sharp = edges.filter(|edge| edge.iter().all(|&v| is_tagged[v]));
-        Self::new(sharp, mesh.verts().filter(|&v| is_tagged[v]))
+    pub fn between_tagged(mesh: &Mesh, tagged: impl IntoIterator<Item = Vert>) -> Self {
+        let tagged = Subset::of(mesh.n_verts(), tagged);
+        let is_sharp = |edge: &[Vert; 2]| edge.iter().all(|&v| tagged.contains(v));
+        let edges = |&[a, b, c]: &[Vert; 3]| [[a, b], [b, c], [c, a]].into_iter().filter(is_sharp);
+        let sharp: Vec<_> = mesh.faces().par_iter().flat_map_iter(edges).collect();
+        Self::new(sharp, tagged.iter())
     }
 
     /// Those of `candidates` that are edges of `mesh` and bend it by at least [`MIN_SHARP_ANGLE`]. An
@@ -56,11 +60,12 @@ impl Tags {
     #[must_use]
     pub fn where_bent(mesh: &Mesh, candidates: impl IntoIterator<Item = [Vert; 2]>) -> Self {
         let candidates = Self::new(candidates, []);
-        let mut is_end = PerVert::filled(mesh.n_verts(), false);
-        candidates.tagged.iter().for_each(|&v| is_end[v] = true);
+        let is_end = Subset::of(mesh.n_verts(), candidates.tagged.iter().copied());
         // One pass over the faces finds those beside each candidate, without the mesh's twins.
         let mut beside: Vec<([Vert; 2], Face)> = Vec::new();
-        for f in faces_where(mesh, |v| is_end[v]) {
+        let has_end = |f: &Face| mesh.corners(*f).into_iter().any(|v| is_end.contains(v));
+        let near: Vec<Face> = (0..mesh.n_faces()).into_par_iter().map(Face::new).filter(has_end).collect();
+        for f in near {
             let edges = f.halves().map(|h| [mesh.from(h).min(mesh.to(h)), mesh.from(h).max(mesh.to(h))]);
             let is_candidate = |edge: &[Vert; 2]| candidates.sharp.binary_search(edge).is_ok();
             beside.extend(edges.into_iter().filter(is_candidate).map(|edge| (edge, f)));

@@ -63,11 +63,10 @@ pub(super) fn moves(surface: &Surface, fits: &VertexFits, chamfers: &[Half]) -> 
 /// split edge ([`MAX_SHIFT`] unless one knows better).
 #[must_use]
 pub fn place_by_fits(mesh: &Mesh, labels: &RegionLabels, max_shift: f64) -> Placement {
-    let mut inserts = Inserts::in_the_middle(mesh, |h| labels.chamfer_edge[h], &labels.corner_faces);
+    let mut inserts = Inserts::in_the_middle_of(mesh, &labels.chamfers, &labels.corner_faces);
     inserts.moved.clone_from(&labels.moved);
-    let chamfers: Vec<Half> = mesh.edges().filter(|&h| labels.chamfer_edge[h]).collect();
     let placing = Placing { mesh, labels, max_shift };
-    let mut on_edges: Vec<Found> = chamfers.par_iter().map(|&h| placing.on_edge(h)).collect();
+    let mut on_edges: Vec<Found> = labels.chamfers.par_iter().map(|&h| placing.on_edge(h)).collect();
     let in_corners: Vec<Found> = labels.corner_faces.par_iter().map(|&f| placing.in_corner(f)).collect();
     placing.join_corners(&inserts, &mut on_edges, &in_corners);
     let found = || on_edges.iter().chain(&in_corners);
@@ -216,8 +215,8 @@ impl Placing<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::mesh::PerVert;
     use crate::mesh::tests::mesh;
-    use crate::mesh::{PerHalf, PerVert};
     use crate::regions::near::Near;
     use crate::regions::tests::planes;
     use FitSource::{Adopted, Region};
@@ -237,9 +236,8 @@ mod tests {
         edit: impl Fn(&mut RegionLabels),
     ) -> (DVec3, Outcome) {
         let fits = planes(m, &[(0, n.normalize(), 0.0, Region), (2, q.normalize(), 0.0, source)]);
-        let chamfer_edge: PerHalf<bool> =
-            m.halves().map(|h| [2, 3].contains(&h.index())).collect::<Vec<_>>().into();
-        let mut labels = RegionLabels { mean_edge: 1.0, fits, chamfer_edge, ..RegionLabels::default() };
+        let chamfers = vec![Half::new(2)];
+        let mut labels = RegionLabels { mean_edge: 1.0, fits, chamfers, ..RegionLabels::default() };
         edit(&mut labels);
         let placement = place_by_fits(m, &labels, MAX_SHIFT);
         (placement.inserts.points[0], placement.outcomes[0])
@@ -309,7 +307,7 @@ mod tests {
             let labels = RegionLabels {
                 mean_edge: 1.0,
                 fits: planes(&m, &list),
-                chamfer_edge: PerHalf::filled(6, true),
+                chamfers: m.edges().collect(),
                 corner_faces: corner_faces.iter().map(|&f| Face::new(f)).collect(),
                 moved,
                 ..RegionLabels::default()

@@ -82,11 +82,11 @@ pub fn verdict(mesh: &Mesh, labels: &RegionLabels, placement: &Placement) -> Ver
 
 /// The chamfer edges in groups that share triangles with two chamfer edges: corner triangles part them.
 fn creases(mesh: &Mesh, labels: &RegionLabels) -> Vec<Vec<Half>> {
-    let is_chamfer = |h: &Half| labels.chamfer_edge[*h];
+    let is_chamfer = |h: &Half| labels.is_chamfer(mesh, *h);
     let mut is_done = std::collections::BTreeSet::new();
     let mut groups = Vec::new();
-    for start in labels.candidates.iter().copied().filter(is_chamfer) {
-        if !is_done.insert(mesh.edge(start)) {
+    for &start in &labels.chamfers {
+        if !is_done.insert(start) {
             continue;
         }
         let mut group = vec![start];

@@ -24,7 +24,7 @@ mod moves;
 use glam::DVec3;
 use rayon::prelude::*;
 
-use crate::edit::{Edit, faces_where};
+use crate::edit::Edit;
 use crate::fit::Fit;
 use crate::mesh::{Face, Mesh, PerFace, PerVert, Vert};
 use crate::refine::Refined;
@@ -70,8 +70,10 @@ pub struct UntangleCounts {
 pub(crate) struct Context<'a> {
     /// The mesh before subdivision.
     pub before: &'a Mesh,
-    /// The mesh after it.
+    /// The mesh after it, or an excerpt of it.
     pub refined: &'a Refined,
+    /// How many of its vertices are old ones.
+    pub n_old: usize,
     /// The fit of each old vertex, if it has one.
     pub fit: &'a (dyn Fn(Vert) -> Option<&'a Fit> + Sync),
     /// Whether an old vertex is an end of a chamfer edge.
@@ -128,10 +130,11 @@ pub(crate) fn untangle(context: &Context<'_>, edit: &mut Edit<'_>) -> UntangleCo
 impl<'z, 'c, 'm> Zone<'z, 'c, 'm> {
     fn new(context: &'z Context<'c>, edit: &'z mut Edit<'m>) -> Self {
         let Refined { mesh, children, creases, .. } = context.refined;
-        let n_old = context.before.n_verts();
+        let n_old = context.n_old;
         let mut is_inner = PerVert::filled(mesh.n_verts(), false);
         children.iter().flat_map(|&f| mesh.corners(f)).for_each(|v| is_inner[v] = true);
-        let faces = faces_where(mesh, |v| is_inner[v]);
+        let has_inner = |f: &Face| mesh.corners(*f).into_iter().any(|v| is_inner[v]);
+        let faces: Vec<Face> = mesh.face_ids().filter(has_inner).collect();
         let mut slot = PerFace::filled(mesh.n_faces(), OUTSIDE);
         for (i, &f) in faces.iter().enumerate() {
             slot[f] = i as u32;
@@ -182,7 +185,7 @@ impl<'z, 'c, 'm> Zone<'z, 'c, 'm> {
 
     /// The standing faces with both `a` and `b`.
     fn beside(&self, a: Vert, b: Vert) -> impl Iterator<Item = Face> + '_ {
-        self.edit.faces_at(a).filter(move |&f| self.edit.has_corner(f, b))
+        self.edit.faces_at(a).iter().copied().filter(move |&f| self.edit.has_corner(f, b))
     }
 
     fn energy(&mut self, f: Face) -> Energy {
@@ -342,7 +345,7 @@ impl<'z, 'c, 'm> Zone<'z, 'c, 'm> {
 impl Context<'_> {
     /// The old vertex whose fit a face follows: an end of a chamfer edge first, then the lowest one.
     fn representative(&self, corners: [Vert; 3]) -> Vert {
-        let is_labelled = |v: &Vert| v.index() < self.before.n_verts() && (self.fit)(*v).is_some();
+        let is_labelled = |v: &Vert| v.index() < self.n_old && (self.fit)(*v).is_some();
         let best = corners.into_iter().filter(is_labelled).min_by_key(|&v| (!(self.is_chamfer_end)(v), v));
         best.unwrap_or(Vert::NONE)
     }

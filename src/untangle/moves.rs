@@ -169,7 +169,7 @@ impl Zone<'_, '_, '_> {
         if along && self.would_join_creases(gone, kept, beside) {
             return None;
         }
-        let faces: Vec<Face> = self.edit.faces_at(gone).collect();
+        let faces = self.edit.faces_at(gone).to_vec();
         let old: f64 = faces.iter().map(|&f| self.energy(f).value).sum();
         let mut new = 0.0;
         for f in faces.into_iter().filter(|f| !beside.contains(f)) {
@@ -293,7 +293,7 @@ impl Zone<'_, '_, '_> {
     }
 
     fn merge_gain(&mut self, gone: Vert, kept: Vert, beside: [Face; 2], to: DVec3) -> Option<f64> {
-        let mut faces: Vec<Face> = self.edit.faces_at(gone).chain(self.edit.faces_at(kept)).collect();
+        let mut faces = [self.edit.faces_at(gone), self.edit.faces_at(kept)].concat();
         faces.sort_unstable();
         faces.dedup();
         let old: f64 = faces.iter().map(|&f| self.energy(f).value).sum();
@@ -381,7 +381,7 @@ impl Zone<'_, '_, '_> {
 
     /// What moving `vertices` gains, if faces and creases stay on their fits.
     fn move_gain(&mut self, vertices: &[Vert], to: &[DVec3]) -> Option<f64> {
-        let mut faces: Vec<Face> = vertices.iter().flat_map(|&v| self.edit.faces_at(v)).collect();
+        let mut faces: Vec<Face> = vertices.iter().flat_map(|&v| self.edit.faces_at(v)).copied().collect();
         faces.sort_unstable();
         faces.dedup();
         let old: f64 = faces.iter().map(|&f| self.energy(f).value).sum();
@@ -404,7 +404,7 @@ impl Zone<'_, '_, '_> {
     /// Moves an inserted vertex part of the way back to the middle of its edge or face.
     fn try_back(&mut self, v: Vert) -> Option<(f64, DVec3)> {
         let middle = self.context.refined.middles[v.index().checked_sub(self.n_old)?];
-        let faces: Vec<Face> = self.edit.faces_at(v).collect();
+        let faces = self.edit.faces_at(v).to_vec();
         let old: f64 = faces.iter().map(|&f| self.energy(f).value).sum();
         let mut best: Option<(f64, DVec3)> = None;
         for share in [0.25, 0.5, 0.75, 1.0] {

@@ -1,0 +1,222 @@
+//! The part of a refined mesh that cleaning looks at, cut out and put back.
+//!
+//! ```text
+//!   old mesh       . . . . . . . . . .        Rings of faces round the split ones are cut out and refined
+//!   rings            o o o o o o              for themselves, with numbers of their own: all that edits
+//!   split faces        x x x                  do costs what the excerpt costs, not what the mesh does.
+//! ```
+//!
+//! Its vertices and faces are numbered in the order of the refined mesh, old vertices first: whatever is
+//! decided by an index is decided as in the whole.
+//!
+//! In/out: the old mesh, its inserts and its split faces -> `Excerpt`; the edited excerpt -> the new mesh.
+//! Cost: O(excerpt) to cut out; one copy of the mesh to put back.
+
+use std::ops::Range;
+
+use glam::DVec3;
+
+use crate::edit::Edited;
+use crate::mesh::{Face, Half, Mesh, PerVert, Vert};
+use crate::refine::{Inserts, Lineage, Place, Refined, Split};
+use crate::subset::{Ranked, Subset};
+
+/// Rings of faces round the split ones: at the vertices of split faces, and at the vertices of those. The
+/// edits of untangling ask for no vertex beyond the second.
+pub(crate) const RINGS: usize = 2;
+
+/// A part of a mesh, refined.
+pub(crate) struct Excerpt<'m> {
+    before: &'m Mesh,
+    inserts: &'m Inserts,
+    /// The old faces of the excerpt, ascending.
+    faces: Vec<Face>,
+    /// Its old vertices.
+    verts: Ranked<Vert>,
+    /// The excerpt refined, as if there was nothing else; but the parents are faces of the whole mesh.
+    pub refined: Refined,
+    /// Whether all faces at a vertex are in the excerpt. `[V of the excerpt]`
+    pub is_whole: PerVert<bool>,
+}
+
+/// The new mesh.
+pub(crate) struct Rejoined {
+    pub mesh: Mesh,
+    /// Where its faces come from, if that was asked for.
+    pub lineage: Option<Lineage>,
+    /// Old vertices that were collapsed, ascending. An inserted vertex stands in the slot of each.
+    pub replaced: Vec<Vert>,
+    pub now: Now,
+}
+
+/// What vertices of the refined mesh became.
+pub(crate) struct Now {
+    n_old: usize,
+    /// The old vertices of the excerpt ...
+    verts: Ranked<Vert>,
+    /// ... and what its vertices, old and inserted, are now.
+    now: Vec<Vert>,
+}
+
+impl Now {
+    /// The vertex that `v` is now, or was collapsed into.
+    pub(crate) fn of(&self, v: Vert) -> Vert {
+        let slot = match v.index().checked_sub(self.n_old) {
+            Some(i) => Some(self.verts.members().len() + i),
+            None => self.verts.rank(v),
+        };
+        slot.map_or(v, |i| self.now[i])
+    }
+}
+
+impl<'m> Excerpt<'m> {
+    /// Cuts out so many `rings` of faces round those that are `split`.
+    pub(crate) fn new(before: &'m Mesh, inserts: &'m Inserts, split: &Split, rings: usize) -> Self {
+        let (n_verts, n_faces) = (before.n_verts(), before.n_faces());
+        let corners =
+            |faces: &Subset<Face>| Subset::of(n_verts, faces.iter().flat_map(|f| before.corners(f)));
+        let mut faces = Subset::of(n_faces, split.faces.iter().copied());
+        let (mut whole, mut verts) = (Subset::of(n_verts, []), corners(&faces));
+        for _ in 0..rings {
+            let round = verts.iter().flat_map(|v| before.leaving(v)).map(|h| h.face());
+            faces = Subset::of(n_faces, round);
+            whole = std::mem::replace(&mut verts, corners(&faces));
+        }
+        let (faces, verts) = (faces.iter().collect::<Vec<_>>(), verts.ranked());
+        let refined = refine_excerpt(before, inserts, split, &faces, &verts);
+        let is_whole = verts.members().iter().map(|&v| whole.contains(v));
+        let is_whole = is_whole.chain(inserts.points.iter().map(|_| true)).collect::<Vec<_>>().into();
+        Self { before, inserts, faces, verts, refined, is_whole }
+    }
+
+    /// How many old vertices the excerpt has: they come first.
+    pub(crate) fn n_old(&self) -> usize {
+        self.verts.members().len()
+    }
+
+    /// The vertex of the whole refined mesh that is vertex `v` of the excerpt.
+    pub(crate) fn whole(&self, v: Vert) -> Vert {
+        match v.index().checked_sub(self.n_old()) {
+            Some(i) => Vert::new(self.before.n_verts() + i),
+            None => self.verts.members()[v.index()],
+        }
+    }
+
+    /// Puts the excerpt back as edits have left it. Says where faces come from if it `keeps_lineage`.
+    pub(crate) fn rejoin(self, edited: Edited, keeps_lineage: bool) -> Rejoined {
+        let (points, faces) = rayon::join(|| self.rejoin_points(&edited), || self.rejoin_faces(&edited));
+        let lineage = keeps_lineage.then(|| self.rejoin_lineage(&edited));
+        let mesh = Mesh::of_valid_parts(points, faces);
+        debug_assert_eq!(mesh.check(), Ok(()));
+        let [replaced, now] = [&edited.replaced, edited.now.as_slice()]
+            .map(|verts| verts.iter().map(|&v| self.whole(v)).collect());
+        Rejoined {
+            mesh,
+            lineage,
+            replaced,
+            now: Now { n_old: self.before.n_verts(), verts: self.verts, now },
+        }
+    }
+
+    fn rejoin_points(&self, edited: &Edited) -> Vec<DVec3> {
+        let n_added = edited.mesh.n_verts() - self.n_old();
+        let mut points = Vec::with_capacity(self.before.n_verts() + n_added);
+        points.extend_from_slice(self.before.points());
+        for &(v, point) in &self.inserts.moved {
+            points[v.index()] = point;
+        }
+        points.extend_from_slice(&edited.mesh.points()[self.n_old()..]);
+        for &v in &edited.replaced {
+            points[self.whole(v).index()] = edited.mesh.point(v);
+        }
+        points
+    }
+
+    fn rejoin_faces(&self, edited: &Edited) -> Vec<[Vert; 3]> {
+        let mut faces = Vec::with_capacity(self.n_new_faces(edited));
+        self.in_order(edited, |same, children| {
+            faces.extend_from_slice(&self.before.faces()[same]);
+            faces.extend(edited.mesh.faces()[children].iter().map(|corners| corners.map(|v| self.whole(v))));
+        });
+        faces
+    }
+
+    fn rejoin_lineage(&self, edited: &Edited) -> Lineage {
+        let n_faces = self.n_new_faces(edited);
+        let (mut parents, mut corners) = (Vec::with_capacity(n_faces), Vec::with_capacity(3 * n_faces));
+        let mut foreign = Vec::with_capacity(edited.lineage.foreign.len());
+        let mut own_foreign = edited.lineage.foreign.iter().peekable();
+        self.in_order(edited, |same, children| {
+            parents.extend(same.clone().map(Face::new));
+            corners.extend(same.flat_map(|_| [0, 1, 2].map(Place::Corner)));
+            let halves = 3 * children.start..3 * children.end;
+            while let Some(&(h, weights)) = own_foreign.next_if(|(h, _)| h.index() < halves.end) {
+                foreign.push((Half::new(corners.len() + h.index() - halves.start), weights));
+            }
+            parents.extend_from_slice(&edited.lineage.parents.as_slice()[children]);
+            corners.extend_from_slice(&edited.lineage.corners.as_slice()[halves]);
+        });
+        Lineage { parents: parents.into(), corners: corners.into(), foreign }
+    }
+
+    fn n_new_faces(&self, edited: &Edited) -> usize {
+        self.before.n_faces() - self.faces.len() + edited.mesh.n_faces()
+    }
+
+    /// Hands out the new faces in their order, in turns: old faces that are not in the excerpt, then faces of
+    /// the edited excerpt.
+    fn in_order(&self, edited: &Edited, mut next: impl FnMut(Range<usize>, Range<usize>)) {
+        let parents = edited.lineage.parents.as_slice();
+        let (mut old, mut own) = (0, 0);
+        for run in self.faces.chunk_by(|f, g| f.index() + 1 == g.index()) {
+            let end = run[run.len() - 1].index() + 1;
+            let n_own = parents[own..].iter().take_while(|parent| parent.index() < end).count();
+            next(old..run[0].index(), own..own + n_own);
+            (old, own) = (end, own + n_own);
+        }
+        next(old..self.before.n_faces(), own..own);
+    }
+}
+
+/// Refines the old `faces` of `before`, whose vertices are `verts`.
+fn refine_excerpt(
+    before: &Mesh,
+    inserts: &Inserts,
+    split: &Split,
+    faces: &[Face],
+    verts: &Ranked<Vert>,
+) -> Refined {
+    let mut points: Vec<_> = verts.members().iter().map(|&v| inserts.old_point(before, v)).collect();
+    points.extend_from_slice(&inserts.points);
+    let own = |v: Vert| match v.index().checked_sub(before.n_verts()) {
+        Some(i) => Vert::new(verts.members().len() + i),
+        None => verts.rank(v).map_or(Vert::NONE, Vert::new),
+    };
+
+    let n_faces = faces.len() + split.children.len() - split.faces.len();
+    let (mut corners, mut parents) = (Vec::with_capacity(n_faces), Vec::with_capacity(n_faces));
+    let mut places = Vec::with_capacity(3 * n_faces);
+    let mut children = Vec::with_capacity(split.children.len());
+    let mut splits = split.faces.iter().enumerate().peekable();
+    for &f in faces {
+        let Some((i, _)) = splits.next_if(|&(_, &g)| g == f) else {
+            corners.push(before.corners(f).map(own));
+            places.extend([0, 1, 2].map(Place::Corner));
+            parents.push(f);
+            continue;
+        };
+        for child in split.children(i) {
+            children.push(Face::new(corners.len()));
+            corners.push(child.map(|(v, _)| own(v)));
+            places.extend(child.map(|(_, place)| place));
+            parents.push(f);
+        }
+    }
+    Refined {
+        mesh: Mesh::of_valid_parts(points, corners),
+        lineage: Lineage { parents: parents.into(), corners: places.into(), foreign: Vec::new() },
+        creases: split.creases.iter().map(|edge| edge.map(own)).collect(),
+        middles: split.middles.clone(),
+        children,
+    }
+}
