@@ -194,6 +194,14 @@ pub struct Split {
     pub joined_in: PerVert<Vert>,
 }
 
+impl Split {
+    /// How many file vertices are joined in another one.
+    #[must_use]
+    pub fn n_joined(&self) -> usize {
+        self.joined_in.as_slice().iter().enumerate().filter(|(i, v)| v.index() != *i).count()
+    }
+}
+
 impl Attributes {
     /// The edges along the file's polylines (`l`), in terms of the mesh's vertices.
     #[must_use]

@@ -29,6 +29,7 @@
 
 pub mod attributes;
 pub mod bend;
+pub mod census;
 pub mod classify;
 pub mod collapse;
 pub mod denoise;
@@ -56,7 +57,7 @@ pub use mesh::{Mesh, MeshError};
 pub use options::{Method, Options};
 pub use report::Report;
 
-use attributes::Attributes;
+use attributes::{Attributes, Split};
 use bend::{BendOptions, bend, levels_fit};
 use classify::Labels;
 use denoise::denoise;
@@ -110,11 +111,13 @@ pub fn sharpen_with_attributes(
         return Ok((sharpen(mesh, options)?, attributes, Vec::new()));
     }
     let mut notices = Vec::new();
-    let sharpened = sharpen_observed(mesh, options, |Rebuild { old, new, lineage, tags }| {
+    let n_joined = attributes.split.as_ref().map_or(0, Split::n_joined);
+    let mut sharpened = sharpen_observed(mesh, options, |Rebuild { old, new, lineage, tags }| {
         let (carried, lost) = std::mem::take(&mut attributes).carry(lineage, old, new, tags.sharp_edges());
         attributes = carried;
         notices.extend(lost);
     })?;
+    sharpened.report.left_alone.set_joined(n_joined);
     Ok((sharpened, attributes, notices))
 }
 
@@ -153,7 +156,7 @@ fn rebuild(
     let mut report = Report {
         method: options.method,
         input: Size::of(mesh),
-        left_alone: LeftAlone::of(mesh),
+        left_alone: LeftAlone::of(mesh, options.keep_verdict),
         ..Report::default()
     };
     let mut sharpened = if options.sharpen {

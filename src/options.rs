@@ -46,7 +46,8 @@ pub struct Options {
     pub max_faces: usize,
     /// Whether the colours of the mesh come back in [`Sharpened::labels`](crate::Sharpened::labels).
     pub keep_labels: bool,
-    /// Whether the report says how well each recovered crease and corner is supported.
+    /// Whether the report says how well each recovered crease and corner is supported, and counts all that is
+    /// irregular about the input.
     pub keep_verdict: bool,
 }
 

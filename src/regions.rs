@@ -163,6 +163,10 @@ impl RegionLabels {
 fn meet_in_crease(p: &Fit, q: &Fit, middle: DVec3, h: f64) -> bool {
     let normal = |fit: &Fit| if fit.is_plane() { fit.normal } else { fit.evaluate(middle, h).1 };
     let cosine = normal(p).dot(normal(q));
+    // The two sides of a sheet meet nowhere.
+    if cosine < -(1.0 - place::MIN_SINE * place::MIN_SINE).sqrt() {
+        return false;
+    }
     let is_flat = |fit: &Fit| fit.is_plane() && fit.rms < FLAT_RMS && fit.source == FitSource::Region;
     cosine < CHAMFER_ANGLE.cos() || cosine < FLAT_CHAMFER_ANGLE.cos() && is_flat(p) && is_flat(q)
 }
@@ -488,6 +492,8 @@ mod tests {
         let mut is_chamfer = |angle, rms| chamfers([false; 4], &tilted(angle, rms)) == diagonal;
         assert!(is_chamfer(44.0, 0.03) && !is_chamfer(42.0, 0.03));
         assert!(is_chamfer(36.0, 0.005) && !is_chamfer(34.0, 0.005));
+        // Two sides of a sheet have no crease to meet in.
+        assert!(is_chamfer(174.0, 0.03) && !is_chamfer(175.0, 0.03) && !is_chamfer(180.0, 0.005));
     }
 
     // 1---3---5    Nothing has a fit. Flat, nothing is beyond reach; folded along 2-3, the edges that have

@@ -6,6 +6,7 @@ use std::time::Instant;
 use serde::Serialize;
 
 use crate::bend::BendCounts;
+use crate::census::Census;
 use crate::classify::Labels;
 use crate::collapse::CollapseCounts;
 use crate::mesh::{EdgeDefects, Mesh, PerHalf};
@@ -39,14 +40,32 @@ pub struct LeftAlone {
     /// What is irregular about the edges.
     #[serde(flatten)]
     pub defects: EdgeDefects,
+    /// What else is irregular, where [`Options::keep_verdict`](crate::Options::keep_verdict) asked for it.
+    #[serde(flatten)]
+    pub census: Option<Census>,
+    /// Vertices of the file that count as one with an earlier vertex. The output has all of them.
+    pub joined_vertices: usize,
 }
 
 impl LeftAlone {
-    /// Counts what `mesh` has of it.
+    /// Counts what `mesh` has of it, all of it if `in_full`.
     #[must_use]
-    pub fn of(mesh: &Mesh) -> Self {
-        let border_edges = mesh.n_borders();
-        Self { border_edges, defects: mesh.defects() }
+    pub fn of(mesh: &Mesh, in_full: bool) -> Self {
+        Self {
+            border_edges: mesh.n_borders(),
+            defects: mesh.defects(),
+            census: in_full.then(|| Census::of(mesh)),
+            joined_vertices: 0,
+        }
+    }
+
+    /// Notes that so many vertices were joined with others before: no face names them any more, but they are
+    /// not isolated.
+    pub(crate) fn set_joined(&mut self, n: usize) {
+        self.joined_vertices = n;
+        if let Some(census) = &mut self.census {
+            census.isolated_vertices = census.isolated_vertices.saturating_sub(n);
+        }
     }
 }
 
@@ -94,7 +113,7 @@ pub struct Report {
     pub left_alone: LeftAlone,
     /// The mesh that went out.
     pub output: Size,
-    /// Why the mesh is not the kind of input that can be sharpened, if it is not. Nothing was changed then.
+    /// Why the mesh is not the kind of input that can be sharpened, if it is not. Nothing was sharpened then.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub unfit: Option<String>,
     /// What the filters coloured.

@@ -4,6 +4,7 @@ use std::path::Path;
 use std::process::ExitCode;
 
 use anyhow::{Context, Result};
+use serde::Serialize;
 use sharpen::error::display_name;
 use sharpen::place::Outcome;
 use sharpen::report::Seconds;
@@ -32,10 +33,12 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     }
     let done = sharpen_file(arguments, &arguments.input, &arguments.output)?;
     if let Some(path) = &arguments.report {
-        io::write_bytes(path, (serde_json::to_string_pretty(&done.report)? + "\n").as_bytes())?;
+        io::write_bytes(path, (serde_json::to_string_pretty(&done)? + "\n").as_bytes())?;
     }
     if !arguments.quiet {
-        done.notices.iter().for_each(|notice| eprintln!("{}: {notice}", display_name(&arguments.input)));
+        let name = display_name(&arguments.input);
+        done.notices.iter().for_each(|notice| eprintln!("{name}: {notice}"));
+        welded(&done.report).into_iter().for_each(|welded| eprintln!("{name}: {welded}"));
         eprintln!("{}", summary(&arguments.input, &done.report));
     }
     if arguments.verbose {
@@ -45,8 +48,10 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
 }
 
 /// What became of one file.
+#[derive(Serialize)]
 pub struct Done {
     /// What was found and done.
+    #[serde(flatten)]
     pub report: Report,
     /// What of the file could not be kept, one line each.
     pub notices: Vec<String>,
@@ -88,6 +93,7 @@ pub fn sharpen_file(arguments: &Arguments, input: &Path, output: &Path) -> Resul
     if !sharpened.report.changed && source == target {
         let same = bytes.map_or_else(|| io::read_bytes(input), Ok)?;
         seconds.time("write", || io::write_bytes(output, &same))?;
+        notices.clear(); // The copy has all that was left out on reading.
     } else {
         let parted = attributes.part(mesh.points(), &sharpened.mesh);
         drop(mesh);
@@ -114,8 +120,8 @@ fn summary(input: &Path, report: &Report) -> String {
     let moved = report.inserted.get(&Outcome::Moved).copied().unwrap_or(0);
     let inserted: usize = report.inserted.values().sum();
     let name = display_name(input);
-    if let Some(why) = &report.unfit {
-        return format!("{name}: left as it is: {why}");
+    if let Some(unfit) = unfit(report) {
+        return format!("{name}: {unfit}");
     }
     if report.found.smooth_edges == 0 && report.changed {
         return format!("{name}: not sharpened; {} -> {} faces", report.input.faces, report.output.faces);
@@ -127,6 +133,21 @@ fn summary(input: &Path, report: &Report) -> String {
         "{name}: {} chamfer edges and {} corners; {moved} of {inserted} new vertices on the feature; {} -> {} faces",
         report.found.chamfer_edges, report.found.corner_triangles, report.input.faces, report.output.faces,
     )
+}
+
+/// Why nothing was sharpened, if the mesh is not the kind of input for it.
+pub fn unfit(report: &Report) -> Option<String> {
+    let why = report.unfit.as_ref()?;
+    let (before, after) = (report.input.faces, report.output.faces);
+    let what = if report.changed { "bent and not sharpened" } else { "left as it is" };
+    let faces = if report.changed { format!("; {before} -> {after} faces") } else { String::new() };
+    Some(format!("{what}: {why}{faces}"))
+}
+
+/// Which vertices count as one, if any do.
+fn welded(report: &Report) -> Option<String> {
+    let (n, all) = (report.left_alone.joined_vertices, report.input.vertices);
+    (n > 0).then(|| format!("{n} of {all} vertices count as one with an earlier one in their place (--weld)"))
 }
 
 /// What `--verbose` adds, line by line.
@@ -156,10 +177,15 @@ fn details(report: &Report) -> String {
         }
     }
     let defects = report.left_alone.defects;
+    let census = report.left_alone.census.unwrap_or_default();
     for (count, what) in [
+        (report.left_alone.border_edges, "sides of faces without a neighbour"),
         (defects.non_manifold_edges, "non-manifold edges"),
         (defects.misoriented_edges, "edges where faces disagree on the orientation"),
         (defects.collapsed_faces, "faces that name a vertex twice"),
+        (census.zero_area_faces, "faces without area"),
+        (census.doubled_faces, "faces with the corners of another"),
+        (census.isolated_vertices, "vertices without a face"),
     ] {
         if count > 0 {
             lines.push(format!("left alone: {count} {what}"));

@@ -295,6 +295,21 @@ fn a_second_run_into_the_same_folder_is_kept_out() {
     place.sharpen().assert().code(1).stderr(contains("2 sharpened"));
 }
 
+/// What a killed run has just forked may hold the lock a little longer.
+#[test]
+fn a_lock_that_is_let_go_within_a_second_is_waited_for() {
+    let place = Place::with_three();
+    fs::create_dir(place.path("out")).unwrap();
+    let lock = fs::File::open(place.path("out")).unwrap();
+    lock.try_lock().unwrap();
+    let release = std::thread::spawn(move || {
+        std::thread::sleep(Duration::from_millis(300));
+        drop(lock);
+    });
+    place.sharpen().assert().code(1).stderr(contains("2 sharpened, 1 failed"));
+    release.join().unwrap();
+}
+
 // Resuming.
 
 /// Whether `--resume` leaves the output `name` alone: another content of the same length stays.
@@ -676,14 +691,12 @@ fn torture(flags: &[&str]) {
 
 #[cfg(target_os = "linux")]
 #[test]
-#[ignore = "kills at random; fails now and then, cause not found yet: cargo test -- --ignored"]
 fn a_run_that_is_killed_again_and_again_loses_nothing() {
     torture(&[]);
 }
 
 #[cfg(target_os = "linux")]
 #[test]
-#[ignore = "kills at random; fails now and then, cause not found yet: cargo test -- --ignored"]
 fn so_does_one_with_a_process_for_each_file() {
     torture(&["--isolate", "--jobs", "4", "--files", "100"]);
 }

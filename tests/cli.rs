@@ -149,6 +149,73 @@ fn positions_survive_the_way_through_a_ply_bit_for_bit() {
     }
 }
 
+/// The JSON that `--report` wrote, and what was said, for the input and the output `files`.
+fn report_on(folder: &TempDir, files: [&str; 2], flags: &[&str]) -> (serde_json::Value, String) {
+    let report = folder.path().join("report.json");
+    let run = sharpen().current_dir(folder).args(flags).arg("--report").arg(&report).args(files).assert();
+    let said = String::from_utf8(run.success().get_output().stderr.clone()).unwrap();
+    (serde_json::from_slice(&fs::read(report).unwrap()).unwrap(), said)
+}
+
+#[test]
+fn the_report_names_what_could_not_be_kept_as_the_screen_does() {
+    let folder = folder();
+    let text = "v 0 0 0\nv 1 0 0\nv 0 1 0\ng a\ncstype bezier\nf 1 2 3\n";
+    fs::write(folder.path().join("a.obj"), text).unwrap();
+    let (report, said) = report_on(&folder, ["a.obj", "out.ply"], &["--bend", "1"]);
+    let notices = ["left out: 1 x \"cstype\" (first in line 5)", "left out: groups, materials and the like"];
+    assert_eq!(report["notices"], serde_json::json!(notices));
+    assert!(notices.iter().all(|notice| said.contains(&format!("a.obj: {notice}\n"))), "{said}");
+
+    // A copy, byte for byte, has all of it.
+    let (report, said) = report_on(&folder, ["a.obj", "out.obj"], &[]);
+    assert_eq!(report["notices"], serde_json::json!([]));
+    assert!(!said.contains("left out"), "{said}");
+    assert_eq!(fs::read_to_string(folder.path().join("out.obj")).unwrap(), text);
+}
+
+#[test]
+fn all_that_is_irregular_is_counted_and_comes_back() {
+    let folder = folder();
+    // Three faces on the edge 1-2; a face with its reverse and one without area on the edge 6-7; one that
+    // names a vertex twice. Vertices 12 to 14 stand where 1 to 3 do, so that the last face is 1 3 3, and
+    // neither 11 nor 13 are in a face. Sides without a neighbour: 9 and 5, and 3 of each collapsed face.
+    let text = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 -1 0\nv 0 0 1\nv 5 0 0\nv 6 0 0\nv 5 1 0\nv 7 0 0\nv 5 5 5\nv 9 9 9\n\
+        v 0 0 0\nv 1 0 0\nv 0 1 0\n\
+        f 1 2 3\nf 1 2 4\nf 2 1 5\nf 6 7 8\nf 8 7 6\nf 6 7 9\nf 10 10 6\nf 12 14 3\n";
+    fs::write(folder.path().join("a.obj"), text).unwrap();
+    let (report, said) = report_on(&folder, ["a.obj", "out.obj"], &["-v"]);
+    let left = serde_json::json!({
+        "border_edges": 9 + 5 + 6, "non_manifold_edges": 2, "misoriented_edges": 0, "collapsed_faces": 2,
+        "components": 2, "isolated_vertices": 2, "zero_area_faces": 1, "doubled_faces": 1, "joined_vertices": 2,
+    });
+    assert_eq!(report["left_alone"], left);
+    for line in [
+        "a.obj: 2 of 14 vertices count as one with an earlier one in their place (--weld)",
+        "  left alone: 2 non-manifold edges",
+        "  left alone: 2 faces that name a vertex twice",
+        "  left alone: 1 faces without area",
+        "  left alone: 1 faces with the corners of another",
+        "  left alone: 2 vertices without a face",
+    ] {
+        assert!(said.lines().any(|said| said == line), "{line} in {said}");
+    }
+    assert_eq!(fs::read_to_string(folder.path().join("out.obj")).unwrap(), text);
+}
+
+#[test]
+fn a_noisy_mesh_that_is_bent_all_the_same_is_not_said_to_be_left_as_it_is() {
+    let folder = folder();
+    let tetrahedron = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n";
+    fs::write(folder.path().join("a.obj"), tetrahedron).unwrap();
+    let (report, said) = report_on(&folder, ["a.obj", "out.obj"], &["--bend", "1"]);
+    assert_eq!(report["changed"], true);
+    assert!(said.starts_with("a.obj: bent and not sharpened: noisy or terraced: "), "{said}");
+    assert!(said.ends_with("; 4 -> 16 faces\n"), "{said}");
+    let (_, said) = report_on(&folder, ["a.obj", "out.obj"], &[]);
+    assert!(said.starts_with("a.obj: left as it is: noisy or terraced: "), "{said}");
+}
+
 #[test]
 fn the_painted_classes_are_a_ply_of_the_input() {
     let (folder, cube) = folder_with_cube();

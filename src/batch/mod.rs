@@ -31,7 +31,7 @@ use sharpen::error::display_name;
 use sharpen::io::temporary;
 
 use crate::cli::{self, Arguments};
-use crate::run::{Done, sharpen_file};
+use crate::run::{Done, sharpen_file, unfit};
 use budget::Budget;
 use child::End;
 use journal::{Journal, Stamp, State};
@@ -265,8 +265,7 @@ fn line_for(arguments: &Arguments, input: &Path, output: &Path) -> Result<String
     let seconds = start.elapsed().as_secs_f64();
     let line = match result {
         Ok(Done { report, notices }) => {
-            let unfit = |why| format!("{}: left as it is: {why}", display_name(input));
-            let reason = report.unfit.as_ref().map(unfit);
+            let reason = unfit(&report).map(|unfit| format!("{}: {unfit}", display_name(input)));
             Line { name, status: Status::Ok, reason, seconds, notices, report: Some(report) }
         }
         Err(error) => Line { seconds, ..Line::without_mesh(name, Status::Failed, format!("{error:#}")) },

@@ -244,7 +244,7 @@ pub(super) fn format(view: View) -> Vec<u8> {
     out.extend_from_slice(b"OFF\n");
     for line in view.attributes.head.iter().chain(&view.attributes.info) {
         out.push(b'#');
-        push_one_line(&mut out, line);
+        push_one_line(&mut out, line.trim_ascii_end()); // As they are read.
     }
     for (count, end) in [(view.points.len(), b" "), (n_faces, b" "), (0, b"\n")] {
         push_whole(&mut out, count);

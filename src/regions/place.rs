@@ -20,7 +20,7 @@ const MAX_MOVE: f64 = 0.5;
 /// Newton steps: the fits are nearly planes, and three leave nothing that a float can see.
 const NEWTON_STEPS: usize = 3;
 /// Fits whose normals have a smaller sine between them count as parallel.
-const MIN_SINE: f64 = 0.1;
+pub(super) const MIN_SINE: f64 = 0.1;
 /// A step goes at most this many times the edge's length from the middle, so that the next one starts
 /// where the fits still mean something.
 const MAX_STEP: f64 = 4.0;

@@ -92,7 +92,7 @@ fn oracle(bytes: &[u8]) -> Option<Vec<[[u64; 3]; 3]>> {
     // comments behind a statement.
     let text = std::str::from_utf8(bytes).ok()?;
     let is_plain = |line: &str| {
-        let mut words = line.split_ascii_whitespace();
+        let mut words = line.split_whitespace(); // As it does: a vertical tab parts words, too.
         match words.next() {
             Some("f") => {
                 let corners: Vec<_> = words.map(|word| word.split('/').next()).collect();

@@ -84,12 +84,13 @@ pub(in super::super) fn losses(view: View) -> Vec<String> {
 }
 
 fn push_head(out: &mut Vec<u8>, view: View) {
+    // Without blanks at the end, as they are read.
     for line in &view.attributes.head {
         out.push(b'#');
-        push_one_line(out, line);
+        push_one_line(out, line.trim_ascii_end());
     }
     for line in &view.attributes.info {
-        out.extend_from_slice(b"# ");
+        out.extend_from_slice(if line.is_empty() { b"#".as_slice() } else { b"# " });
         push_one_line(out, line);
     }
     for statement in &view.attributes.libraries {
