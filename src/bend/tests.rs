@@ -130,6 +130,21 @@ fn a_flat_patch_stays_flat_with_its_corners_where_they_were() {
 }
 
 #[test]
+fn a_hole_of_eight_edges_gets_rounder_and_one_of_five_has_corners() {
+    // A flat ring of three circles, the inner one round a hole. Old vertices are where they were.
+    let largest_shift = |n: usize| {
+        let m = grid(n, 3, true, |i, j| ((1.0 + j) * DVec2::from_angle(TAU * i / n as f64)).extend(0.0));
+        let fine = bent(&m, &Tags::default(), &LIMITED).mesh;
+        let middle = |h: Half| m.point(m.from(h)).midpoint(m.point(m.to(h)));
+        let shift = |(h, new): (Half, &DVec3)| new.distance(middle(h)) / m.length(h);
+        m.edges().zip(&fine.points()[m.n_verts()..]).map(shift).fold(0.0, f64::max)
+    };
+    assert_eq!(largest_shift(5), 0.0);
+    // The four-point rule puts an eighth of what the curve turns aside: sin 45 degrees times an edge.
+    assert_relative_eq!(largest_shift(8), 0.125 * (PI / 4.0).sin(), epsilon = 1e-12);
+}
+
+#[test]
 fn in_a_tilted_plane_new_vertices_stay_in_the_middle() {
     // Moved about within it they would leave it by the last bit, and faces would cut each other.
     let turn = glam::DQuat::from_euler(glam::EulerRot::XYZ, 0.4, -1.1, 2.0);
