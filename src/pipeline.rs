@@ -14,7 +14,7 @@ use crate::regions::{RegionLabels, label_by_fits, place_by_fits, verdict};
 use crate::report::{Found, Report, Seconds};
 use crate::tags::{Tags, tags_by_dihedral};
 use crate::untangle::{Context, untangle};
-use crate::{Rebuild, Sharpened};
+use crate::{Origin, Rebuild, Sharpened};
 
 /// Finds the chamfers of `mesh` and puts its sharp edges back.
 pub(crate) fn sharpen(
@@ -44,7 +44,8 @@ pub(crate) fn sharpen(
     let tags = seconds.time("tags", || find_tags(mesh, &chamfers, &cleaned, options.method));
     drop(refined);
     if report.changed {
-        on_rebuild(Rebuild { old: mesh, new: &cleaned.mesh, lineage: &cleaned.lineage, tags: &tags });
+        let origin = Origin::Listed(&cleaned.lineage);
+        on_rebuild(Rebuild { old: mesh, new: &cleaned.mesh, tags: &tags, origin });
     }
     report.seconds = seconds;
     let labels = options.keep_labels.then_some(chamfers.labels);
