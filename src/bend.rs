@@ -13,9 +13,10 @@
 //! [`limit`]). Paper silent.
 //! In/out: `Mesh` + `Tags` -> `Bent`: old vertices first, in their order and where they were, then one
 //! new vertex per edge in the order of [`Mesh::edges`].
-//! Cost: O(F), parallel per edge; rounds of the limiter look only at faces whose vertices moved.
+//! Cost: O(F), parallel; rounds of the limiter look only at faces whose vertices moved.
 
 mod limit;
+mod quarter;
 #[cfg(test)]
 mod tests;
 
@@ -24,12 +25,13 @@ use std::collections::BTreeMap;
 use glam::DVec3;
 use rayon::prelude::*;
 
-use crate::mesh::{Half, MAX_FACES, Mesh, MeshError, has_repeated_vertex};
-use crate::refine::{Inserts, Lineage, refine};
+use crate::mesh::{Half, MAX_FACES, Mesh, MeshError};
+use crate::refine::Lineage;
 use crate::stencil::{Rule, Stencils};
 use crate::tags::Tags;
 
 use limit::Draft;
+use quarter::{Middles, Quarters};
 
 /// How a mesh is bent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -64,12 +66,19 @@ pub struct BendCounts {
 pub struct Bent {
     /// The new mesh: four faces for each that names three vertices.
     pub mesh: Mesh,
-    /// Where its faces come from.
-    pub lineage: Lineage,
     /// Its sharp edges, two for each before, and its tagged vertices.
     pub tags: Tags,
     /// How the new vertices were placed.
     pub counts: BendCounts,
+    quarters: Quarters,
+}
+
+impl Bent {
+    /// Where its faces come from. Made when asked for: most meshes have no attributes to carry.
+    #[must_use]
+    pub fn lineage(&self) -> Lineage {
+        self.quarters.lineage()
+    }
 }
 
 /// Tells whether a mesh of `n_faces` can be bent `levels` times within `max_faces`; gives the number of
@@ -93,70 +102,68 @@ pub fn levels_fit(n_faces: usize, levels: u32, max_faces: usize) -> Result<usize
 /// When the output has more elements than the 32-bit index type can count; before any work.
 pub fn bend(mesh: &Mesh, tags: &Tags, options: &BendOptions) -> Result<Bent, MeshError> {
     levels_fit(mesh.n_faces(), 1, MAX_FACES)?;
-    // A face that names a vertex twice has no surface to bend; split, it would knot its neighbours.
-    let is_split = |h: Half| !has_repeated_vertex(&mesh.corners(h.face()));
-    let mut inserts = Inserts::in_the_middle(mesh, is_split, &[]);
-    let edges = edges_of_new_vertices(mesh, &inserts);
-
+    let middles = Middles::of(mesh)?;
     let stencils = Stencils::new(mesh, tags);
     let mut counts = BendCounts::default();
-    if options.is_limited {
-        let shifts: Vec<Shift> = edges.par_iter().map(|&h| vouched_shift(&stencils, mesh, h)).collect();
-        counts.rules = count(shifts.iter().map(|shift| shift.rule));
-        counts.doubted = shifts.iter().filter(|shift| shift.is_doubted).count();
-        counts.shortened = shifts.iter().filter(|shift| shift.is_shortened).count();
-        let shifts = shifts.into_iter().map(|shift| shift.vector).collect();
-        let mut draft = Draft::new(mesh, &stencils, &inserts, &edges, shifts);
+    let bent = if options.is_limited {
+        let shifts = vouched_shifts(mesh, &stencils, &middles.edges, &mut counts);
+        let mut draft = Draft::new(mesh, &stencils, &middles, shifts);
         counts.retreated = draft.retreat();
-        inserts.points = draft.into_points();
+        let draft = draft.into_settled();
+        drop(stencils);
+        middles.split(mesh, |slot, h| draft.point(mesh, slot, h))?
     } else {
-        let placed = edges.par_iter().map(|&h| stencils.place(h)).map(|placed| (placed.rule, placed.point));
-        let (rules, points): (Vec<_>, _) = placed.unzip();
-        counts.rules = count(rules.into_iter());
-        inserts.points = points;
-    }
-    drop(stencils);
-
-    let tags = tags_of_children(mesh, tags, &inserts);
-    let refined = refine(mesh, &inserts)?;
-    Ok(Bent { mesh: refined.mesh, lineage: refined.lineage, tags, counts })
-}
-
-/// How often each rule occurs.
-fn count(rules: impl Iterator<Item = Rule>) -> BTreeMap<Rule, usize> {
-    let mut counts = BTreeMap::new();
-    let mut rules = rules.peekable();
-    // Nearly all rules equal the one before.
-    while let Some(rule) = rules.next() {
-        let repeats = std::iter::from_fn(|| rules.next_if_eq(&rule)).count();
-        *counts.entry(rule).or_default() += 1 + repeats;
-    }
-    counts
-}
-
-/// For each new vertex the lowest half-edge that it is on.
-fn edges_of_new_vertices(mesh: &Mesh, inserts: &Inserts) -> Vec<Half> {
-    let halves = (0..mesh.n_halves()).into_par_iter().map(Half::new);
-    let split: Vec<Half> = halves.filter(|&h| inserts.on_edge[h].is_some() && mesh.edge(h) == h).collect();
-    let mut edges = vec![Half::NONE; inserts.points.len()];
-    for h in split {
-        let edge = &mut edges[inserts.on_edge[h].index() - mesh.n_verts()];
-        *edge = h.min(*edge);
-    }
-    edges
+        let placed = middles.edges.par_iter().map(|&h| stencils.place(h));
+        let (rules, points): (Vec<_>, Vec<_>) = placed.map(|placed| (placed.rule, placed.point)).unzip();
+        rules.into_iter().for_each(|rule| *counts.rules.entry(rule).or_default() += 1);
+        middles.split(mesh, |slot, _| points[slot])?
+    };
+    let tags = tags_of_children(mesh, tags, &middles);
+    Ok(Bent { mesh: bent, tags, counts, quarters: middles.into_quarters(mesh.n_faces()) })
 }
 
 /// Both halves of a sharp edge are sharp.
-fn tags_of_children(mesh: &Mesh, tags: &Tags, inserts: &Inserts) -> Tags {
-    let is_sharp = tags.sharp_halves(mesh);
-    let is_split_edge = |h: &Half| is_sharp[*h] && inserts.on_edge[*h].is_some() && mesh.edge(*h) == *h;
-    let split: Vec<Half> =
-        (0..mesh.n_halves()).into_par_iter().map(Half::new).filter(is_split_edge).collect();
-    let halves = split.into_iter().flat_map(|h| {
-        let middle = inserts.on_edge[h];
+fn tags_of_children(mesh: &Mesh, tags: &Tags, middles: &Middles) -> Tags {
+    let halves = tags.halves_of_sharp_edges(mesh).filter(|&h| middles.vertex(h).is_some());
+    let halves = halves.flat_map(|h| {
+        let middle = middles.vertex(h);
         [[mesh.from(h), middle], [middle, mesh.to(h)]]
     });
     Tags::new(halves, tags.tagged().iter().copied())
+}
+
+/// So many edges are looked at at a time.
+const CHUNK: usize = 1 << 12;
+
+/// How far the new vertices on `edges` go before faces have a say; counts how.
+fn vouched_shifts(
+    mesh: &Mesh,
+    stencils: &Stencils<'_>,
+    edges: &[Half],
+    counts: &mut BendCounts,
+) -> Vec<DVec3> {
+    let mut shifts = vec![DVec3::ZERO; edges.len()];
+    let place = |(edges, shifts): (&[Half], &mut [DVec3])| {
+        let mut counts = BendCounts::default();
+        let mut rules = [0; Rule::ALL.len()];
+        for (&h, vector) in edges.iter().zip(shifts) {
+            let shift = vouched_shift(stencils, mesh, h);
+            *vector = shift.vector;
+            rules[shift.rule as usize] += 1;
+            counts.doubted += usize::from(shift.is_doubted);
+            counts.shortened += usize::from(shift.is_shortened);
+        }
+        let rules = Rule::ALL.into_iter().zip(rules);
+        counts.rules = rules.filter(|&(_, count)| count > 0).collect();
+        counts
+    };
+    let chunks = edges.par_chunks(CHUNK).zip(shifts.par_chunks_mut(CHUNK));
+    for chunk in chunks.map(place).collect::<Vec<_>>() {
+        counts.doubted += chunk.doubted;
+        counts.shortened += chunk.shortened;
+        chunk.rules.into_iter().for_each(|(rule, n)| *counts.rules.entry(rule).or_default() += n);
+    }
+    shifts
 }
 
 /// A new vertex goes no farther from the middle of its edge than this many times its length.
@@ -214,7 +221,7 @@ fn vouched_shift(stencils: &Stencils<'_>, mesh: &Mesh, h: Half) -> Shift {
     let (from, to) = (mesh.point(mesh.from(h)), mesh.point(mesh.to(h)));
     let length = from.distance(to);
     let [a, b] = site.expected;
-    let steepest = a.length().max(b.length());
+    let steepest = a.length_squared().max(b.length_squared()).sqrt();
     if steepest <= ROUNDING * length {
         return Shift { rule, vector: DVec3::ZERO, is_doubted: false, is_shortened: false };
     }

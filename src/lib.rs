@@ -57,8 +57,10 @@ pub use mesh::{Mesh, MeshError};
 pub use options::{Method, Options};
 pub use report::Report;
 
+use std::borrow::Cow;
+
 use attributes::{Attributes, Split};
-use bend::{BendOptions, bend, levels_fit};
+use bend::{BendOptions, Bent, bend, levels_fit};
 use classify::Labels;
 use denoise::denoise;
 use refine::Lineage;
@@ -112,8 +114,10 @@ pub fn sharpen_with_attributes(
     }
     let mut notices = Vec::new();
     let n_joined = attributes.split.as_ref().map_or(0, Split::n_joined);
-    let mut sharpened = sharpen_observed(mesh, options, |Rebuild { old, new, lineage, tags }| {
-        let (carried, lost) = std::mem::take(&mut attributes).carry(lineage, old, new, tags.sharp_edges());
+    let mut sharpened = sharpen_observed(mesh, options, |rebuild| {
+        let (lineage, sharp) = (rebuild.lineage(), rebuild.tags.sharp_edges());
+        let (carried, lost) =
+            std::mem::take(&mut attributes).carry(&lineage, rebuild.old, rebuild.new, sharp);
         attributes = carried;
         notices.extend(lost);
     })?;
@@ -128,10 +132,30 @@ pub struct Rebuild<'a> {
     pub old: &'a Mesh,
     /// The mesh after.
     pub new: &'a Mesh,
-    /// Where the new faces and corners come from.
-    pub lineage: &'a Lineage,
     /// What is sharp in the new mesh.
     pub tags: &'a Tags,
+    origin: Origin<'a>,
+}
+
+/// What tells where new faces come from.
+#[derive(Clone, Copy, Debug)]
+enum Origin<'a> {
+    Listed(&'a Lineage),
+    Bent(&'a Bent),
+    /// The same faces as before.
+    Same,
+}
+
+impl<'a> Rebuild<'a> {
+    /// Where the new faces and corners come from.
+    #[must_use]
+    pub fn lineage(&self) -> Cow<'a, Lineage> {
+        match self.origin {
+            Origin::Listed(lineage) => Cow::Borrowed(lineage),
+            Origin::Bent(bent) => Cow::Owned(bent.lineage()),
+            Origin::Same => Cow::Owned(Lineage::identity(self.new)),
+        }
+    }
 }
 
 /// [`sharpen`] that calls `on_rebuild` after each rebuild of the mesh; never, when nothing changes.
@@ -169,12 +193,11 @@ fn rebuild(
         let smoothed =
             report.seconds.time("denoise", || denoise(&sharpened.mesh, &sharpened.tags, options.denoise))?;
         if let Some(on_rebuild) = &mut on_rebuild {
-            let lineage = Lineage::identity(&smoothed);
             on_rebuild(Rebuild {
                 old: &sharpened.mesh,
                 new: &smoothed,
-                lineage: &lineage,
                 tags: &sharpened.tags,
+                origin: Origin::Same,
             });
         }
         sharpened.mesh = smoothed;
@@ -189,8 +212,8 @@ fn rebuild(
             on_rebuild(Rebuild {
                 old: &sharpened.mesh,
                 new: &bent.mesh,
-                lineage: &bent.lineage,
                 tags: &bent.tags,
+                origin: Origin::Bent(&bent),
             });
         }
         (sharpened.mesh, sharpened.tags) = (bent.mesh, bent.tags);

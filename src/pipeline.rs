@@ -16,7 +16,7 @@ use crate::report::{Found, Report, Seconds};
 use crate::subset::Subset;
 use crate::tags::{Tags, tags_by_dihedral};
 use crate::untangle::{Context, UntangleCounts, untangle};
-use crate::{Rebuild, Sharpened};
+use crate::{Origin, Rebuild, Sharpened};
 
 /// Finds the chamfers of `mesh` and puts its sharp edges back.
 pub(crate) fn sharpen(
@@ -47,7 +47,7 @@ pub(crate) fn sharpen(
     let cleaned = seconds.time("clean", || clean(mesh, split, &chamfers, report, keeps_lineage))?;
     let tags = seconds.time("tags", || find_tags(mesh, &chamfers, &cleaned, options.method));
     if let (Some(on_rebuild), Some(lineage)) = (on_rebuild, &cleaned.lineage) {
-        on_rebuild(Rebuild { old: mesh, new: &cleaned.mesh, lineage, tags: &tags });
+        on_rebuild(Rebuild { old: mesh, new: &cleaned.mesh, tags: &tags, origin: Origin::Listed(lineage) });
     }
     report.seconds = seconds;
     let labels = options.keep_labels.then_some(chamfers.labels);

@@ -99,15 +99,21 @@ impl Tags {
     #[must_use]
     pub fn sharp_halves(&self, mesh: &Mesh) -> PerHalf<bool> {
         let mut flags = PerHalf::filled(mesh.n_halves(), false);
+        self.halves_of_sharp_edges(mesh).for_each(|h| flags[h] = true);
+        flags
+    }
+
+    /// Both half-edges of each sharp edge, and all of one with more faces.
+    pub(crate) fn halves_of_sharp_edges(&self, mesh: &Mesh) -> impl Iterator<Item = Half> {
+        let mut halves = Vec::with_capacity(2 * self.sharp.len());
         // One look at a fan finds all its sharp edges, be they two or a hundred thousand.
         for spokes in self.directed().chunk_by(|a, b| a[0] == b[0]) {
-            let leaving =
-                if spokes[0][0].index() < mesh.n_verts() { mesh.leaving(spokes[0][0]) } else { &[] };
-            for &h in leaving {
-                flags[h] = spokes.binary_search(&[mesh.from(h), mesh.to(h)]).is_ok();
-            }
+            let v = spokes[0][0];
+            let leaving = if v.index() < mesh.n_verts() { mesh.leaving(v) } else { &[] };
+            let is_sharp = |h: &Half| spokes.binary_search(&[v, mesh.to(*h)]).is_ok();
+            halves.extend(leaving.iter().copied().filter(is_sharp));
         }
-        flags
+        halves.into_iter()
     }
 
     /// The sharp edges in both directions, ascending.
