@@ -126,13 +126,18 @@ impl RegionLabels {
     /// a chamfer, ascending: no smooth face that is three samples wide is near.
     #[must_use]
     pub fn beyond_reach(&self, mesh: &Mesh) -> Vec<Half> {
-        let is_doubtful = |v: &Vert| !self.interior_vertex[*v];
-        let is_beyond_reach = |v: &Vert| self.fits.get(*v).is_none() && bends_like_a_chamfer(mesh, *v);
-        let is_beyond = |h: &Half| {
-            let ends = [mesh.from(*h), mesh.to(*h)];
-            !mesh.is_border(*h) && ends.iter().all(is_doubtful) && ends.iter().any(is_beyond_reach)
-        };
-        mesh.edges().filter(is_beyond).collect()
+        let is_doubtful = |v: Vert| !self.interior_vertex[v];
+        let is_beyond_reach =
+            |&v: &Vert| is_doubtful(v) && self.fits.get(v).is_none() && bends_like_a_chamfer(mesh, v);
+        let verts = (0..mesh.n_verts()).into_par_iter().map(Vert::new).filter(is_beyond_reach);
+        let beside = |v: Vert| mesh.leaving(v).iter().flat_map(|&h| [h, h.prev()]);
+        let is_beyond =
+            |&h: &Half| !mesh.is_border(h) && is_doubtful(mesh.from(h)) && is_doubtful(mesh.to(h));
+        let mut edges: Vec<Half> =
+            verts.flat_map_iter(beside).filter(is_beyond).map(|h| mesh.edge(h)).collect();
+        edges.par_sort_unstable();
+        edges.dedup();
+        edges
     }
 
     /// The old edges that lie on a crease already.
