@@ -18,8 +18,8 @@ const MIN_REGION: usize = 4;
 /// most of their doubtful vertices on rounds that bend by a degree or two: there this saves two thirds of the
 /// work. On 25 of 31 inputs every doubtful vertex is near such an edge.
 const BENT_ANGLE: f64 = 8.0 * std::f64::consts::PI / 180.0;
-/// Near are this many rings: more than a patch reaches where triangles are well shaped.
-const BENT_RINGS: usize = 5;
+/// Near are this many rings: the ends of chamfer edges have such an edge, and what moves with them is next to these.
+const BENT_RINGS: usize = 3;
 
 /// What all steps read: the mesh, and what steps 1 and 2 say about its vertices.
 pub(super) struct Surface<'a> {
