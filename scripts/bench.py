@@ -5,7 +5,8 @@ The mesh is marching cubes of the distance to a block with a hole on a turned
 grid. All commands of a round run one after the other, round by round, so that
 a machine that slows down slows all of them; figures are medians over rounds.
 Ours are whole processes by wall clock; "filter alone" is the sum of the stages
-of --report without reading and writing. The peers are timed inside Python from
+of --report, in runs of their own, without reading, writing and what is made
+for the report. The peers are timed inside Python from
 before loading to after saving, so that neither their start nor their imports
 count. The plain pass is twins, normals and dihedral angles, as the tool does
 them for --no-sharpen --sharp-angle.
@@ -34,8 +35,8 @@ BLOCK = np.array([0.8, 0.6, 0.4])
 HOLE = 0.3
 # Faces per squared cell on a surface of area one, by this grid's turn; sets the cell size.
 FACES_PER_CELL = 2.99
-# The stages that are not the filter's.
-IN_OUT = ("read", "parse", "write")
+# The stages that are not the filter's; the verdict is made for the report alone.
+NOT_FILTER = ("read", "parse", "write", "verdict")
 # A small process that starts the one to be measured: Linux counts the peak memory of the process that
 # starts another as the other's own.
 LAUNCHER = """
@@ -123,15 +124,25 @@ class Runs:
         self.commands, self.figures = {}, {}
 
     def ours(self, name, source, *options):
-        """Add a run of sharpen."""
-        report, target = self.scratch / f"{len(self.commands)}.json", self.scratch / "out.obj"
-        command = [self.binary, "-q", "--report", report, *options, source, target]
+        """Add a run of sharpen: its time and memory."""
+        command = [self.binary, "-q", *options, source, self.scratch / "out.obj"]
 
         def once():
             seconds, memory, _ = run(command)
+            return {"seconds": seconds, "memory": memory}
+
+        self.commands[name] = once
+
+    def stages(self, name, source, *options):
+        """Add a run of sharpen: the times of its stages."""
+        report = self.scratch / f"{len(self.commands)}.json"
+        command = [self.binary, "-q", "--report", report, *options, source, self.scratch / "out.obj"]
+
+        def once():
+            _, memory, _ = run(command)
             stages = json.loads(report.read_text())["seconds"]
-            filtered = sum(s for stage, s in stages.items() if stage not in IN_OUT)
-            return {"seconds": seconds, "memory": memory, "filter": filtered, "stages": stages}
+            filtered = sum(s for stage, s in stages.items() if stage not in NOT_FILTER)
+            return {"memory": memory, "filter": filtered, "stages": stages}
 
         self.commands[name] = once
 
@@ -175,13 +186,13 @@ def measure_all(binary, scratch, sizes, rounds):
     runs.ours("middle", middle, "--threads", "2")
     for peer in PEERS:
         runs.peer(peer, middle)
-    runs.ours("plain", middle, "--threads", "1", "--no-sharpen", "--sharp-angle", "30")
-    runs.ours("plain shuffled", mixed, "--threads", "1", "--no-sharpen", "--sharp-angle", "30")
+    runs.stages("plain", middle, "--threads", "1", "--no-sharpen", "--sharp-angle", "30")
+    runs.stages("plain shuffled", mixed, "--threads", "1", "--no-sharpen", "--sharp-angle", "30")
     for flag, options in (("", []), (" paper", ["--paper"])):
-        runs.ours("one" + flag, middle, "--threads", "1", *options)
-        runs.ours("two" + flag, middle, "--threads", "2", *options)
-        runs.ours("shuffled" + flag, mixed, "--threads", "1", *options)
-    runs.ours("bend", middle, "--threads", "2", "--bend", "1")
+        runs.stages("one" + flag, middle, "--threads", "1", *options)
+        runs.stages("two" + flag, middle, "--threads", "2", *options)
+        runs.stages("shuffled" + flag, mixed, "--threads", "1", *options)
+    runs.stages("bend", middle, "--threads", "2", "--bend", "1")
     runs.ours("small", small, "--threads", "2")
     runs.ours("large", large, "--threads", "2")
     runs.ours("little", little, "--threads", "1")
