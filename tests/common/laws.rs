@@ -85,6 +85,22 @@ fn has_doubled_faces(mesh: &Mesh) -> bool {
     mesh.faces().iter().map(sorted).collect::<BTreeSet<_>>().len() < mesh.n_faces()
 }
 
+/// A face of `new` that runs round the corners of a face of `old` the other way, where each mesh has one face
+/// with these corners only.
+fn turned_face(old: &Mesh, new: &Mesh) -> Option<[Vert; 3]> {
+    let mut ways: BTreeMap<[Vert; 3], [Vec<bool>; 2]> = BTreeMap::new();
+    for (i, mesh) in [old, new].into_iter().enumerate() {
+        for f in mesh.faces().iter().filter(|[a, b, c]| a != b && b != c && c != a) {
+            let mut sorted = *f;
+            sorted.sort_unstable();
+            let is_ascending = (0..3).any(|k| [f[k], f[(k + 1) % 3], f[(k + 2) % 3]] == sorted);
+            ways.entry(sorted).or_default()[i].push(is_ascending);
+        }
+    }
+    let is_turned = |ways: &[Vec<bool>; 2]| ways.iter().all(|way| way.len() == 1) && ways[0] != ways[1];
+    ways.into_iter().find(|(_, ways)| is_turned(ways)).map(|(face, _)| face)
+}
+
 /// The bits of points.
 pub fn bits(points: &[DVec3]) -> Vec<[u64; 3]> {
     points.iter().map(|p| p.to_array().map(f64::to_bits)).collect()
@@ -120,6 +136,10 @@ pub fn obey_laws(mesh: &Mesh, options: &Options) -> Sharpened {
     assert_eq!(after.components, before.components);
     if !has_doubled_faces(mesh) {
         assert_eq!(after, before, "another surface");
+    }
+
+    if let Some(turned) = turned_face(mesh, new) {
+        panic!("face {turned:?} is turned over");
     }
 
     // Every vertex that was used is, but for those that were collapsed; what lies on a border stays.
