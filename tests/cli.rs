@@ -291,6 +291,27 @@ fn bash_takes_its_completions() {
     }
 }
 
+/// Whether a program takes what `--generate` prints, as a file behind `arguments`; true where there is none.
+fn takes_generated(what: &str, program: &str, arguments: &[&str]) -> bool {
+    let folder = folder();
+    let file = folder.path().join(what);
+    fs::write(&file, sharpen().args(["--generate", what]).output().unwrap().stdout).unwrap();
+    match std::process::Command::new(program).args(arguments).arg(&file).output() {
+        Ok(output) => output.status.success() && output.stderr.is_empty(),
+        Err(error) => {
+            eprintln!("skipped: no {program}: {error}");
+            true
+        }
+    }
+}
+
+#[test]
+fn the_other_shells_and_the_typesetter_take_theirs() {
+    assert!(takes_generated("zsh", "zsh", &["-n"]));
+    assert!(takes_generated("fish", "fish", &["-n"]));
+    assert!(takes_generated("man", "groff", &["-man", "-Tutf8", "-ww", "-z"]));
+}
+
 #[test]
 fn bad_input_is_one_line_with_file_line_and_reason_and_writes_nothing() {
     let folder = folder();

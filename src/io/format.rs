@@ -51,7 +51,10 @@ impl Format {
             extension.as_deref().filter(|name| Self::EXTENSIONS.contains(name)).and_then(Self::by_name);
         found.ok_or_else(|| {
             let reason = if super::is_stream(path) {
-                format!("a stream has no name to tell its format by (known are {})", Self::NAMES.join(", "))
+                format!(
+                    "a stream has no name to tell its format by: say --format (known are {})",
+                    Self::NAMES.join(", ")
+                )
             } else {
                 format!("no format goes by this name (known are .{})", Self::EXTENSIONS.join(", ."))
             };
