@@ -132,7 +132,7 @@ impl Grown<'_> {
             }
             let sample = |member: &Member| {
                 let Carried { place, normal } = self.member(member.near);
-                let trust = if self.surface.deep[member.vertex] { 1.0 } else { SHALLOW_TRUST };
+                let trust = if self.surface.near.deep[member.near as usize] { 1.0 } else { SHALLOW_TRUST };
                 Sample { offset: (place - origin) / self.surface.h, normal, trust }
             };
             samples.clear();

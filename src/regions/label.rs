@@ -57,7 +57,7 @@ pub(super) fn explain_by_regions(surface: &Surface) -> VertexFits {
             let sample = |member: &Member| Sample {
                 offset: member.offset * per_h,
                 normal: surface.near.normals[member.near as usize],
-                trust: if surface.deep[member.vertex] { 1.0 } else { SHALLOW_TRUST },
+                trust: if surface.near.deep[member.near as usize] { 1.0 } else { SHALLOW_TRUST },
             };
             samples.clear();
             samples.extend(patch.members(cluster).iter().map(sample));

@@ -21,8 +21,9 @@ pub(super) struct Near {
     pub points: Vec<DVec3>,
     /// Unit normals of all faces, where they are interior; else zero.
     pub normals: Vec<DVec3>,
-    /// Which of them are interior.
+    /// Which of them are interior, and which deep.
     pub interior: Vec<bool>,
+    pub deep: Vec<bool>,
     starts: Vec<u32>,
     /// The numbers of the neighbours that are near.
     neighbours: Vec<u32>,
@@ -42,7 +43,8 @@ impl Near {
         };
         let (points, normals) = verts.par_iter().map(|&v| (mesh.point(v), normal(v))).unzip();
         let interior = verts.iter().map(|&v| surface.interior[v]).collect();
-        Self { of, verts, points, normals, interior, starts, neighbours }
+        let deep = verts.iter().map(|&v| surface.deep[v]).collect();
+        Self { of, verts, points, normals, interior, deep, starts, neighbours }
     }
 
     /// The numbers of those neighbours of the vertex with the number `i` that are near.
@@ -143,6 +145,7 @@ mod tests {
                 assert_eq!((near.of[v] as usize, near.points[i]), (i, m.point(v)));
                 let normal = if surface.interior[v] { DVec3::Z } else { DVec3::ZERO };
                 assert_eq!((near.normals[i], near.interior[i]), (normal, surface.interior[v]));
+                assert_eq!(near.deep[i], surface.deep[v]);
                 let mut round = Vec::new();
                 let near_round = neighbours(&m, v, &mut round).iter().filter(|&&w| near.of[w] != u32::MAX);
                 let listed = near.neighbours(i as u32).iter().map(|&w| near.verts[w as usize]);

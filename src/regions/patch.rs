@@ -5,7 +5,6 @@ use std::ops::Range;
 use glam::DVec3;
 
 use super::Surface;
-use super::near::Near;
 use crate::mesh::Vert;
 
 /// Every vertex this far (in h) from the centre is in the patch. By distance and not by rings: on slivers
@@ -41,7 +40,6 @@ impl Regions for Surface<'_> {
 /// A vertex of a region in the patch, and the way to it from the centre.
 #[derive(Clone, Copy)]
 pub(super) struct Member {
-    pub vertex: Vert,
     /// Its number among the near vertices.
     pub near: u32,
     pub offset: DVec3,
@@ -51,7 +49,7 @@ pub(super) struct Member {
 #[derive(Clone)]
 pub(super) struct Cluster {
     members: Range<usize>,
-    nearest: Vert,
+    nearest: u32,
     nearest_squared: f64,
 }
 
@@ -140,15 +138,15 @@ impl Patch {
     /// Makes a cluster of the members of regions that are joined to `seed` (known already) within reach, and
     /// notes the other vertices beside it.
     fn flood_region(&mut self, surface: &Surface, regions: &impl Regions, centre: u32, seed: u32) {
-        let Near { points, verts, .. } = &surface.near;
+        let points = &surface.near.points;
         let reach = (REACH * surface.h).powi(2);
         let reach_in_region = (REACH_IN_REGION * surface.h).powi(2);
         let origin = points[centre as usize];
         let offset = points[seed as usize] - origin;
         let first = self.members.len();
         let mut next = first;
-        let (mut nearest, mut nearest_squared) = (verts[seed as usize], offset.length_squared());
-        self.members.push(Member { vertex: nearest, near: seed, offset });
+        let (mut nearest, mut nearest_squared) = (seed, offset.length_squared());
+        self.members.push(Member { near: seed, offset });
         while let Some(&Member { near, .. }) = self.members.get(next) {
             for &i in surface.near.neighbours(near) {
                 if self.known.contains(i) {
@@ -170,10 +168,9 @@ impl Patch {
                 }
                 self.known.insert(i);
                 if is_member {
-                    let w = verts[i as usize];
-                    self.members.push(Member { vertex: w, near: i, offset });
-                    if (squared, w) < (nearest_squared, nearest) {
-                        (nearest, nearest_squared) = (w, squared);
+                    self.members.push(Member { near: i, offset });
+                    if (squared, i) < (nearest_squared, nearest) {
+                        (nearest, nearest_squared) = (i, squared);
                     }
                 } else {
                     self.doubtful.push(i);
@@ -228,6 +225,7 @@ pub(super) mod tests {
     use super::*;
     use crate::mesh::tests::mesh;
     use crate::mesh::{Mesh, PerFace};
+    use crate::regions::near::Near;
     use crate::regions::tests::labels;
 
     /// A strip of squares along x, one h apart, and the interior flags of its columns.
@@ -249,9 +247,10 @@ pub(super) mod tests {
         patch.search(&surface, &surface, Vert::new(0));
         patch.search(&surface, &surface, Vert::new(centre));
         let members = |cluster: &Cluster| {
-            let offset = |m: &Member| mesh.point(m.vertex) - mesh.point(Vert::new(centre)) == m.offset;
+            let vertex = |m: &Member| surface.near.verts[m.near as usize];
+            let offset = |m: &Member| mesh.point(vertex(m)) - mesh.point(Vert::new(centre)) == m.offset;
             assert!(patch.members(cluster).iter().all(offset));
-            let mut verts: Vec<_> = patch.members(cluster).iter().map(|m| m.vertex.index()).collect();
+            let mut verts: Vec<_> = patch.members(cluster).iter().map(|m| vertex(m).index()).collect();
             verts.sort_unstable();
             verts
         };
