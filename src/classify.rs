@@ -14,12 +14,15 @@
 //! In/out: `Mesh` + face normals `[F]` -> `Labels`.
 //! Cost: O(F); the angles are computed once, in parallel.
 
+use std::cmp::Ordering;
 use std::f64::consts::PI;
+use std::sync::atomic::AtomicU8;
+use std::sync::atomic::Ordering::Relaxed;
 
 use glam::DVec3;
 use rayon::prelude::*;
 
-use crate::geometry::angle_between_units;
+use crate::geometry::{angle_between, angle_between_units, angle_of_chord};
 use crate::mesh::{Face, Half, Mesh, PerFace, PerHalf, PerVert, Vert};
 
 /// Which edges count as smooth.
@@ -79,9 +82,10 @@ pub fn classify(mesh: &Mesh, normals: &PerFace<DVec3>, options: &ClassifyOptions
     filter_2_core_of_smooth_region(mesh, &mut labels);
     filter_3_flood_over_smooth_edges(mesh, &mut labels);
     filter_3bis_edges_that_are_sharp_already(mesh, &mut labels);
-    filter_4_border_of_smooth_region(mesh, &mut labels);
-    filter_5_chamfer_edges(mesh, &mut labels);
-    filter_6_corner_triangles(mesh, &mut labels);
+    let gray = gray_faces(mesh, &labels.red_face);
+    filter_4_border_of_smooth_region(mesh, &gray, &mut labels);
+    filter_5_chamfer_edges(mesh, &gray, &mut labels);
+    filter_6_corner_triangles(&gray, &mut labels);
     labels
 }
 
@@ -103,29 +107,60 @@ const CHUNK: usize = 4096;
 /// The mean runs over edges with two faces that both have a normal; no other edge has an angle, and an
 /// edge without an angle is never smooth.
 fn smooth_edges(mesh: &Mesh, normals: &PerFace<DVec3>, threshold: SmoothThreshold) -> (f64, PerHalf<bool>) {
+    let (mean, steps) = mean_angle_and_steps(mesh, normals);
     let threshold = match threshold {
         SmoothThreshold::Angle(angle) => angle,
-        SmoothThreshold::MeanTimes(factor) => factor * mean_angle(mesh, normals),
+        SmoothThreshold::MeanTimes(factor) => factor * mean,
     };
-    // Chords compare as their angles do. They are formed once more rather than kept: eight bytes per edge
-    // take longer to fetch.
+    // Chords compare as their angles do.
     let largest = if threshold <= PI { (2.0 * (0.5 * threshold).sin()).powi(2) } else { f64::INFINITY };
-    let is_smooth =
-        |h: Half| normals_beside(mesh, normals, h).is_some_and(|[n, m]| n.distance_squared(m) < largest);
-    (threshold, per_half(mesh, is_smooth))
+    let last = step_of(largest);
+    let is_smooth = |(h, step): (usize, u8)| match step.cmp(&last) {
+        _ if step == NO_ANGLE => false,
+        Ordering::Less => true,
+        Ordering::Greater => false,
+        // On the same step: the chord itself tells.
+        Ordering::Equal => chord_squared(mesh, normals, Half::new(h)).is_some_and(|chord| chord < largest),
+    };
+    let smooth: Vec<bool> = steps.into_par_iter().enumerate().map(is_smooth).collect();
+    (threshold, smooth.into())
 }
 
-/// The mean dihedral angle of the edges that have one, in radians; 0 where none has.
-fn mean_angle(mesh: &Mesh, normals: &PerFace<DVec3>) -> f64 {
+/// The mean dihedral angle of the edges that have one, in radians (0 where none has), and on which step the
+/// square of each edge's chord is. `[3F]`
+///
+/// The threshold is known only after the mean. A byte for each edge is fetched faster than two normals are once
+/// more.
+fn mean_angle_and_steps(mesh: &Mesh, normals: &PerFace<DVec3>) -> (f64, Vec<u8>) {
+    let steps: Vec<AtomicU8> =
+        (0..mesh.n_halves()).into_par_iter().map(|_| AtomicU8::new(NO_ANGLE)).collect();
     let sum_of = |(i, faces): (usize, &[[Vert; 3]])| {
         let halves = (3 * CHUNK * i..3 * (CHUNK * i + faces.len())).map(Half::new);
-        let edges = halves.filter(|&h| mesh.twin(h).is_some_and(|twin| h < twin));
-        let angles = edges.filter_map(|h| dihedral_angle(mesh, normals, h));
-        angles.fold((0.0, 0), |(sum, n), angle| (sum + angle, n + 1))
+        let (mut sum, mut n) = (0.0, 0);
+        for (h, twin) in halves.filter_map(|h| Some((h, mesh.twin(h).filter(|&twin| h < twin)?))) {
+            let Some(chord) = chord_squared(mesh, normals, h) else { continue };
+            [h, twin].iter().for_each(|half| steps[half.index()].store(step_of(chord), Relaxed));
+            sum += angle_of_chord(chord, || angle_between(normals[h.face()], normals[twin.face()]));
+            n += 1;
+        }
+        (sum, n)
     };
     let sums: Vec<(f64, usize)> = mesh.faces().par_chunks(CHUNK).enumerate().map(sum_of).collect();
     let (sum, n) = sums.into_iter().fold((0.0, 0), |(s, n), (t, m)| (s + t, n + m));
-    if n == 0 { 0.0 } else { sum / n as f64 }
+    let steps = steps.into_iter().map(AtomicU8::into_inner).collect();
+    (if n == 0 { 0.0 } else { sum / n as f64 }, steps)
+}
+
+/// The step of an edge without an angle.
+const NO_ANGLE: u8 = u8::MAX;
+
+/// Steps of an eighth of an octave, from 1e-8 (below a hundredth of a degree) to more than the 4 of a chord that
+/// is as long as it can be. Of two values the lower one is never on the higher step.
+fn step_of(chord_squared: f64) -> u8 {
+    const FRACTION_BITS: u32 = f64::MANTISSA_DIGITS - 1 - 3;
+    const LOWEST: u64 = 1e-8f64.to_bits() >> FRACTION_BITS;
+    let step = (chord_squared.to_bits() >> FRACTION_BITS).saturating_sub(LOWEST);
+    step.min(u64::from(NO_ANGLE) - 1) as u8
 }
 
 /// The angle between the normals of the two faces of an edge, in `[0, π]`; none on borders and at faces
@@ -136,15 +171,17 @@ pub fn dihedral_angle(mesh: &Mesh, normals: &PerFace<DVec3>, h: Half) -> Option<
     normals_beside(mesh, normals, h).map(|[n, m]| angle_between_units(n, m))
 }
 
+/// The square of the distance of the normals' tips.
+#[inline]
+fn chord_squared(mesh: &Mesh, normals: &PerFace<DVec3>, h: Half) -> Option<f64> {
+    normals_beside(mesh, normals, h).map(|[n, m]| n.distance_squared(m))
+}
+
 /// The normals of the two faces of an edge, if it has two and both have one.
 #[inline]
 fn normals_beside(mesh: &Mesh, normals: &PerFace<DVec3>, h: Half) -> Option<[DVec3; 2]> {
     let (n, m) = (normals[h.face()], normals[mesh.twin(h)?.face()]);
     (n != DVec3::ZERO && m != DVec3::ZERO).then_some([n, m])
-}
-
-fn per_half<T: Send>(mesh: &Mesh, value: impl Fn(Half) -> T + Send + Sync) -> PerHalf<T> {
-    (0..mesh.n_halves()).into_par_iter().map(|h| value(Half::new(h))).collect::<Vec<_>>().into()
 }
 
 fn per_vertex(mesh: &Mesh, value: impl Fn(Vert) -> bool + Send + Sync) -> PerVert<bool> {
@@ -154,11 +191,13 @@ fn per_vertex(mesh: &Mesh, value: impl Fn(Vert) -> bool + Send + Sync) -> PerVer
 /// Paints red each vertex whose edges are all smooth. A vertex without edges stays gray.
 fn filter_1_interior_of_smooth_region(mesh: &Mesh, border_is_smooth: bool, labels: &mut Labels) {
     let smooth = &labels.smooth_edge;
-    let passes = |h: Half| smooth[h] || (border_is_smooth && mesh.is_border(h));
-    labels.interior_vertex = per_vertex(mesh, |v| {
-        let leaving = mesh.leaving(v);
-        !leaving.is_empty() && leaving.iter().all(|&h| passes(h) && passes(h.prev()))
-    });
+    let stops = |&h: &Half| !(smooth[h] || border_is_smooth && mesh.is_border(h));
+    let stops: Vec<Half> = (0..mesh.n_halves()).into_par_iter().map(Half::new).filter(stops).collect();
+    labels.interior_vertex = per_vertex(mesh, |v| !mesh.leaving(v).is_empty());
+    for h in stops {
+        labels.interior_vertex[mesh.from(h)] = false;
+        labels.interior_vertex[mesh.to(h)] = false;
+    }
 }
 
 /// Paints red each face with a red vertex.
@@ -205,11 +244,11 @@ pub(crate) fn flood_over_smooth_edges(
 fn filter_3bis_edges_that_are_sharp_already(mesh: &Mesh, labels: &mut Labels) {
     let Labels { smooth_edge, red_face, interior_vertex, .. } = &*labels;
     let mut tagged = per_vertex(mesh, |v| !interior_vertex[v] && has_two_red_groups(mesh, red_face, v));
-    let sharp = per_half(mesh, |h| {
-        let is_red = |twin: Half| red_face[twin.face()];
-        !smooth_edge[h] && red_face[h.face()] && mesh.twin(h).is_some_and(is_red)
-    });
-    for h in mesh.halves().filter(|&h| sharp[h]) {
+    let is_red = |h: Half| red_face[h.face()];
+    let is_sharp = |h: &Half| !smooth_edge[*h] && is_red(*h) && mesh.twin(*h).is_some_and(is_red);
+    let mut sharp = PerHalf::filled(mesh.n_halves(), false);
+    for h in (0..mesh.n_halves()).into_par_iter().map(Half::new).filter(is_sharp).collect::<Vec<_>>() {
+        sharp[h] = true;
         tagged[mesh.from(h)] = true; // Its twin, sharp as well, leaves the other end.
     }
     labels.sharp_edge = sharp;
@@ -232,29 +271,43 @@ fn has_two_red_groups(mesh: &Mesh, red: &PerFace<bool>, v: Vert) -> bool {
     std::iter::successors(Some(start), next_red).count() < n_red
 }
 
+/// The faces that are not red, ascending: few, and all that the last filters need to look at.
+fn gray_faces(mesh: &Mesh, red_face: &PerFace<bool>) -> Vec<Face> {
+    (0..mesh.n_faces()).into_par_iter().map(Face::new).filter(|&f| !red_face[f]).collect()
+}
+
 /// Paints red the edges and vertices of the red faces.
-fn filter_4_border_of_smooth_region(mesh: &Mesh, labels: &mut Labels) {
+fn filter_4_border_of_smooth_region(mesh: &Mesh, gray: &[Face], labels: &mut Labels) {
     labels.red_edge = red_edges(mesh, &labels.red_face);
-    labels.red_vertex = per_vertex(mesh, |v| mesh.leaving(v).iter().any(|h| labels.red_face[h.face()]));
+    labels.red_vertex = per_vertex(mesh, |v| !mesh.leaving(v).is_empty());
+    for v in gray.iter().flat_map(|&f| mesh.corners(f)) {
+        labels.red_vertex[v] = mesh.leaving(v).iter().any(|h| labels.red_face[h.face()]);
+    }
 }
 
 /// The edges of the red faces. `[3F]`
 pub(crate) fn red_edges(mesh: &Mesh, red_face: &PerFace<bool>) -> PerHalf<bool> {
-    per_half(mesh, |h| red_face[h.face()] || mesh.twin(h).is_some_and(|twin| red_face[twin.face()]))
+    let mut red = PerHalf::filled(mesh.n_halves(), true);
+    for h in gray_faces(mesh, red_face).into_iter().flat_map(Face::halves) {
+        red[h] = mesh.twin(h).is_some_and(|twin| red_face[twin.face()]);
+    }
+    red
 }
 
 /// Paints blue each non-red edge that joins two red vertices. A border edge is never a chamfer.
-fn filter_5_chamfer_edges(mesh: &Mesh, labels: &mut Labels) {
-    let Labels { red_edge, red_vertex, .. } = &*labels;
-    let is_chamfer =
-        |h: Half| !red_edge[h] && !mesh.is_border(h) && red_vertex[mesh.from(h)] && red_vertex[mesh.to(h)];
-    labels.chamfer_edge = per_half(mesh, is_chamfer);
+fn filter_5_chamfer_edges(mesh: &Mesh, gray: &[Face], labels: &mut Labels) {
+    let Labels { red_edge, red_vertex, chamfer_edge, .. } = labels;
+    *chamfer_edge = PerHalf::filled(mesh.n_halves(), false);
+    for h in gray.iter().flat_map(|f| f.halves()) {
+        chamfer_edge[h] =
+            !red_edge[h] && !mesh.is_border(h) && red_vertex[mesh.from(h)] && red_vertex[mesh.to(h)];
+    }
 }
 
 /// Paints green each face with three blue edges.
-fn filter_6_corner_triangles(mesh: &Mesh, labels: &mut Labels) {
-    let is_corner = |f: &Face| f.halves().into_iter().all(|h| labels.chamfer_edge[h]);
-    labels.corner_faces = mesh.face_ids().filter(is_corner).collect();
+fn filter_6_corner_triangles(gray: &[Face], labels: &mut Labels) {
+    let is_corner = |f: &&Face| f.halves().into_iter().all(|h| labels.chamfer_edge[h]);
+    labels.corner_faces = gray.iter().filter(is_corner).copied().collect();
 }
 
 #[cfg(test)]
@@ -335,6 +388,16 @@ mod tests {
     }
 
     #[test]
+    fn steps_rise_with_the_chord_and_tell_an_eighth_from_the_next() {
+        let chords: Vec<f64> =
+            (0..4000).map(|i| 1e-9 * 1.006f64.powi(i)).take_while(|&chord| chord <= 4.0).collect();
+        assert!(chords.is_sorted_by_key(|&chord| step_of(chord)));
+        assert!((1..8).all(|i| step_of(0.01 * 1.125f64.powi(i)) > step_of(0.01 * 1.125f64.powi(i - 1))));
+        assert!(step_of(4.0) < NO_ANGLE - 1 && step_of(f64::INFINITY) < NO_ANGLE);
+        assert_eq!((step_of(0.0), step_of(1e-9)), (0, 0));
+    }
+
+    #[test]
     fn strictly_no_border_vertex_is_interior() {
         let m = chamfered_sheet();
         let l = labels(&m, SmoothThreshold::MeanTimes(2.0), false);
@@ -362,20 +425,22 @@ mod tests {
         let points: Vec<_> = (0..9).map(|i| [f64::from(i), f64::from(i * i), f64::from(i % 4)]).collect();
         let faces = [[0, 1, 2], [1, 0, 3], [2, 1, 4], [0, 2, 5], [0, 6, 3], [1, 7, 4], [2, 8, 5]];
         let m = mesh(&points, &faces);
+        let last_filters = |l: &mut Labels| {
+            let gray = gray_faces(&m, &l.red_face);
+            filter_4_border_of_smooth_region(&m, &gray, l);
+            filter_5_chamfer_edges(&m, &gray, l);
+            filter_6_corner_triangles(&gray, l);
+        };
         let mut l = Labels {
             interior_vertex: PerVert::filled(9, false),
             red_face: [false, false, false, false, true, true, true].to_vec().into(),
             ..Labels::default()
         };
-        filter_4_border_of_smooth_region(&m, &mut l);
-        filter_5_chamfer_edges(&m, &mut l);
-        filter_6_corner_triangles(&m, &mut l);
+        last_filters(&mut l);
         assert_eq!(m.edges().filter(|&h| l.chamfer_edge[h]).map(Half::index).collect::<Vec<_>>(), [0, 1, 2]);
         assert_eq!(l.corner_faces, [Face::new(0)]);
         l.red_face[Face::new(4)] = false;
-        filter_4_border_of_smooth_region(&m, &mut l);
-        filter_5_chamfer_edges(&m, &mut l);
-        filter_6_corner_triangles(&m, &mut l);
+        last_filters(&mut l);
         assert_eq!(m.edges().filter(|&h| l.chamfer_edge[h]).map(Half::index).collect::<Vec<_>>(), [1]);
         assert!(l.corner_faces.is_empty());
     }

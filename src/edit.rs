@@ -152,17 +152,37 @@ impl<'m> Edit<'m> {
 
     /// The neighbours of `v`, ascending.
     pub(crate) fn link(&self, v: Vert) -> Vec<Vert> {
-        let corners = self.faces_at(v).iter().flat_map(|&f| self.faces[f]);
-        let mut link: Vec<_> = corners.filter(|&w| w != v).collect();
+        let faces = self.faces_at(v);
+        let mut link = Vec::with_capacity(2 * faces.len());
+        for w in faces.iter().flat_map(|&f| self.faces[f]) {
+            if w != v && !link.contains(&w) {
+                link.push(w);
+            }
+        }
         link.sort_unstable();
-        link.dedup();
         link
+    }
+
+    /// Whether `v` has at least four neighbours.
+    pub(crate) fn has_four_neighbours(&self, v: Vert) -> bool {
+        let (mut found, mut n) = ([v; 4], 0);
+        for w in self.faces_at(v).iter().flat_map(|&f| self.faces[f]) {
+            if w != v && !found[..n].contains(&w) {
+                found[n] = w;
+                n += 1;
+                if n == found.len() {
+                    return true;
+                }
+            }
+        }
+        false
     }
 
     /// Whether every edge at `v` has exactly two faces that agree on its direction.
     pub(crate) fn is_surrounded(&self, v: Vert) -> bool {
-        let mut neighbours: Vec<(Vert, bool)> = Vec::new();
-        for &f in self.faces_at(v) {
+        let faces = self.faces_at(v);
+        let mut neighbours: Vec<(Vert, bool)> = Vec::with_capacity(2 * faces.len());
+        for &f in faces {
             let t = self.faces[f];
             let i = t.iter().position(|&w| w == v).unwrap_or(0);
             neighbours.extend([(t[(i + 1) % 3], false), (t[(i + 2) % 3], true)]);
@@ -177,7 +197,7 @@ impl<'m> Edit<'m> {
     pub(crate) fn collapsible(&self, gone: Vert, kept: Vert) -> Option<[Face; 2]> {
         let beside = self.faces_beside(gone, kept)?;
         let opposite = beside.map(|f| self.third(f, gone, kept));
-        if opposite[0] == opposite[1] || opposite.iter().any(|&v| self.link(v).len() <= 3) {
+        if opposite[0] == opposite[1] || !opposite.iter().all(|&v| self.has_four_neighbours(v)) {
             return None;
         }
         let (link, kept_link) = (self.link(gone), self.link(kept));

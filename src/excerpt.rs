@@ -73,14 +73,19 @@ impl<'m> Excerpt<'m> {
     /// Cuts out so many `rings` of faces round those that are `split`.
     pub(crate) fn new(before: &'m Mesh, inserts: &'m Inserts, split: &Split, rings: usize) -> Self {
         let (n_verts, n_faces) = (before.n_verts(), before.n_faces());
-        let corners =
-            |faces: &Subset<Face>| Subset::of(n_verts, faces.iter().flat_map(|f| before.corners(f)));
         let mut faces = Subset::of(n_faces, split.faces.iter().copied());
-        let (mut whole, mut verts) = (Subset::of(n_verts, []), corners(&faces));
+        let mut verts = Subset::of(n_verts, faces.iter().flat_map(|f| before.corners(f)));
+        let mut whole = Subset::of(n_verts, []);
         for _ in 0..rings {
-            let round = verts.iter().flat_map(|v| before.leaving(v)).map(|h| h.face());
-            faces = Subset::of(n_faces, round);
-            whole = std::mem::replace(&mut verts, corners(&faces));
+            let mut ring = Subset::of(n_faces, []);
+            for v in verts.iter().filter(|&v| !whole.contains(v)) {
+                before.leaving(v).iter().map(|h| h.face()).for_each(|f| ring.insert(f));
+            }
+            whole = verts.clone();
+            for f in ring.iter().filter(|&f| !faces.contains(f)) {
+                before.corners(f).into_iter().for_each(|v| verts.insert(v));
+            }
+            ring.iter().for_each(|f| faces.insert(f));
         }
         let (faces, verts) = (faces.iter().collect::<Vec<_>>(), verts.ranked());
         let refined = refine_excerpt(before, inserts, split, &faces, &verts);
@@ -92,6 +97,11 @@ impl<'m> Excerpt<'m> {
     /// How many old vertices the excerpt has: they come first.
     pub(crate) fn n_old(&self) -> usize {
         self.verts.members().len()
+    }
+
+    /// The old vertices, ascending, as vertices of the whole mesh.
+    pub(crate) fn old_verts(&self) -> &[Vert] {
+        self.verts.members()
     }
 
     /// The vertex of the whole refined mesh that is vertex `v` of the excerpt.

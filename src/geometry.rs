@@ -63,11 +63,18 @@ fn arc_tangent(t: f64) -> f64 {
 #[inline]
 #[must_use]
 pub fn angle_between_units(a: DVec3, b: DVec3) -> f64 {
+    angle_of_chord(a.distance_squared(b), || angle_between(a, b))
+}
+
+/// The angle between unit vectors from the square of the distance of their tips; `otherwise`, if that is too
+/// large for the series.
+#[inline]
+pub(crate) fn angle_of_chord(chord_squared: f64, otherwise: impl FnOnce() -> f64) -> f64 {
     /// Square of the chord of 15 degrees. The first term left out is below the rounding error.
     const SERIES: f64 = 0.068;
-    let q = a.distance_squared(b);
+    let q = chord_squared;
     if q >= SERIES {
-        return angle_between(a, b);
+        return otherwise();
     }
     // 2 asin(chord / 2), divided by the chord: the coefficients are C(2n, n) / (16^n (2n + 1)).
     const C: [f64; 8] = [

@@ -3,6 +3,8 @@
 //! The readings differ in how chamfers are found and placed, how the result is cleaned and what counts as
 //! sharp; what they hand on is the same: labels, inserts, tags.
 
+use rayon::prelude::*;
+
 use crate::classify::{Labels, SmoothThreshold, classify, classify_interior, red_edges};
 use crate::collapse::{CollapseCounts, collapse_degenerate_faces};
 use crate::edit::Edit;
@@ -196,7 +198,7 @@ fn untangle_excerpt(
         before: mesh,
         refined: &excerpt.refined,
         n_old: excerpt.n_old(),
-        fit: &|v| regions.fits.get(excerpt.whole(v)),
+        fits: excerpt.old_verts().par_iter().map(|&v| regions.fits.get(v)).collect::<Vec<_>>().into(),
         is_chamfer_end: &|v| chamfer_ends.contains(excerpt.whole(v)),
         is_moved: &|v| chamfers.placement.outcomes[v.index() - excerpt.n_old()] == Outcome::Moved,
         mean_edge: regions.mean_edge,

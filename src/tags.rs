@@ -67,7 +67,9 @@ impl Tags {
         let near: Vec<Face> = (0..mesh.n_faces()).into_par_iter().map(Face::new).filter(has_end).collect();
         for f in near {
             let edges = f.halves().map(|h| [mesh.from(h).min(mesh.to(h)), mesh.from(h).max(mesh.to(h))]);
-            let is_candidate = |edge: &[Vert; 2]| candidates.sharp.binary_search(edge).is_ok();
+            let is_candidate = |edge: &[Vert; 2]| {
+                edge.iter().all(|&v| is_end.contains(v)) && candidates.sharp.binary_search(edge).is_ok()
+            };
             beside.extend(edges.into_iter().filter(is_candidate).map(|edge| (edge, f)));
         }
         beside.sort_unstable();

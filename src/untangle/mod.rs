@@ -75,7 +75,7 @@ pub(crate) struct Context<'a> {
     /// How many of its vertices are old ones.
     pub n_old: usize,
     /// The fit of each old vertex, if it has one.
-    pub fit: &'a (dyn Fn(Vert) -> Option<&'a Fit> + Sync),
+    pub fits: PerVert<Option<&'a Fit>>,
     /// Whether an old vertex is an end of a chamfer edge.
     pub is_chamfer_end: &'a (dyn Fn(Vert) -> bool + Sync),
     /// Whether an inserted vertex went onto its feature.
@@ -85,9 +85,12 @@ pub(crate) struct Context<'a> {
 }
 
 /// How bad a face is, and how far it is from its fit (in mean edge lengths).
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Default)]
 struct Energy {
-    value: f64,
+    /// 0 when good, 1 to 2.5 when bad, the more the farther it is turned.
+    turned: f64,
+    /// 0.2 to 0.3 for a sliver.
+    sliver: f64,
     residual: f64,
 }
 
@@ -101,8 +104,8 @@ struct Zone<'z, 'c, 'm> {
     slot: PerFace<u32>,
     /// For each vertex whether it belongs to a split face.
     is_inner: PerVert<bool>,
-    /// For each zone face the old vertex whose fit it follows, or none.
-    representative: Vec<Vert>,
+    /// For each zone face the fit that it follows, or none: that of its representative.
+    fits: Vec<Option<&'c Fit>>,
     /// For each zone face its energy, once computed.
     energy: Vec<Option<Energy>>,
     /// For each inserted vertex its neighbours along creases, ascending.
@@ -139,7 +142,7 @@ impl<'z, 'c, 'm> Zone<'z, 'c, 'm> {
         for (i, &f) in faces.iter().enumerate() {
             slot[f] = i as u32;
         }
-        let representative = faces.par_iter().map(|&f| context.representative(mesh.corners(f))).collect();
+        let fits = faces.par_iter().map(|&f| context.fit_of(mesh.corners(f))).collect();
         let mut neighbours = vec![Vec::new(); mesh.n_verts() - n_old];
         for &[a, b] in creases {
             neighbours[a.index() - n_old].push(b);
@@ -148,30 +151,15 @@ impl<'z, 'c, 'm> Zone<'z, 'c, 'm> {
         neighbours.iter_mut().for_each(|list: &mut Vec<Vert>| list.sort_unstable());
         let energy = vec![None; faces.len()];
         let slivers_count = false;
-        Self {
-            context,
-            edit,
-            faces,
-            slot,
-            is_inner,
-            representative,
-            energy,
-            creases: neighbours,
-            n_old,
-            slivers_count,
-        }
+        Self { context, edit, faces, slot, is_inner, fits, energy, creases: neighbours, n_old, slivers_count }
     }
 
     fn in_zone(&self, f: Face) -> bool {
         self.slot[f] != OUTSIDE
     }
 
-    fn representative(&self, f: Face) -> Option<Vert> {
-        Some(self.representative[self.slot[f] as usize]).filter(|v| v.is_some())
-    }
-
     fn fit(&self, f: Face) -> Option<&'c Fit> {
-        self.representative(f).and_then(|v| (self.context.fit)(v))
+        self.fits[self.slot[f] as usize]
     }
 
     /// The neighbours of `v` along creases.
@@ -198,19 +186,30 @@ impl<'z, 'c, 'm> Zone<'z, 'c, 'm> {
         energy
     }
 
+    /// How bad a face with this energy counts.
+    fn value(&self, energy: Energy) -> f64 {
+        if self.slivers_count { energy.turned + energy.sliver } else { energy.turned }
+    }
+
+    /// How bad face `f` is.
+    fn value_of(&mut self, f: Face) -> f64 {
+        let energy = self.energy(f);
+        self.value(energy)
+    }
+
     fn forget(&mut self, f: Face) {
         self.energy[self.slot[f] as usize] = None;
     }
 
-    /// The energy that face `f` would have as `triangle`: 0 when good, 1 to 2.5 when bad, the more the
-    /// farther it is turned; 0.2 to 0.3 on top for a sliver, where slivers count.
+    /// The energy that face `f` would have as `triangle`.
     fn energy_of(&self, triangle: [DVec3; 3], f: Face) -> Energy {
         let [a, b, c] = triangle;
         let h = self.context.mean_edge;
         let normal = (b - a).cross(c - a);
         let length = normal.length();
-        let mut sides = [a.distance_squared(b), b.distance_squared(c), c.distance_squared(a)];
-        sides.sort_by(f64::total_cmp);
+        let sides = [a.distance_squared(b), b.distance_squared(c), c.distance_squared(a)];
+        let longest = sides[0].max(sides[1]).max(sides[2]);
+        let second = sides[0].min(sides[1]).max(sides[0].max(sides[1]).min(sides[2]));
         let (predicted, residual) = match self.fit(f) {
             Some(fit) => {
                 let distance = |p: DVec3| fit.evaluate(p, h).0.abs();
@@ -219,21 +218,17 @@ impl<'z, 'c, 'm> Zone<'z, 'c, 'm> {
             }
             None => (self.context.parent_normal(f), 0.0),
         };
-        let Some(predicted) = predicted else { return Energy { value: 0.0, residual } };
+        let Some(predicted) = predicted else { return Energy { residual, ..Energy::default() } };
         // No area that a float could tell from rounding.
-        if length <= 1e-9 * sides[2] {
-            return Energy { value: 1.5, residual };
+        if length <= 1e-9 * longest {
+            return Energy { turned: 1.5, sliver: 0.0, residual };
         }
         let cosine = normal.dot(predicted) / length;
         let least = if residual <= RELIABLE_RESIDUAL { BAD_COSINE } else { 0.0 };
-        let mut value = if cosine < least { 1.5 - cosine } else { 0.0 };
-        if self.slivers_count {
-            let sine = length / (sides[1] * sides[2]).sqrt();
-            if sine < SLIVER_SINE {
-                value += 0.2 + 0.1 * (1.0 - sine / SLIVER_SINE);
-            }
-        }
-        Energy { value, residual }
+        let turned = if cosine < least { 1.5 - cosine } else { 0.0 };
+        let sine = length / (second * longest).sqrt();
+        let sliver = if sine < SLIVER_SINE { 0.2 + 0.1 * (1.0 - sine / SLIVER_SINE) } else { 0.0 };
+        Energy { turned, sliver, residual }
     }
 
     fn bad_faces(&mut self) -> Vec<Face> {
@@ -241,7 +236,7 @@ impl<'z, 'c, 'm> Zone<'z, 'c, 'm> {
             self.edit.stands(f).then(|| known.unwrap_or_else(|| self.energy_of(self.edit.triangle(f), f)))
         };
         self.energy = self.faces.par_iter().zip(&self.energy).map(energy).collect();
-        let is_bad = |energy: &Option<Energy>| energy.is_some_and(|energy| energy.value > 0.0);
+        let is_bad = |energy: &Option<Energy>| energy.is_some_and(|energy| self.value(energy) > 0.0);
         self.faces.iter().zip(&self.energy).filter(|(_, energy)| is_bad(energy)).map(|(&f, _)| f).collect()
     }
 
@@ -301,7 +296,6 @@ impl<'z, 'c, 'm> Zone<'z, 'c, 'm> {
             } else if !self.slivers_count {
                 self.slivers_count = true;
                 may_move_back = false;
-                self.energy.fill(None);
                 todo = self.bad_faces();
             } else {
                 break;
@@ -318,7 +312,7 @@ impl<'z, 'c, 'm> Zone<'z, 'c, 'm> {
     ) -> (bool, Vec<Face>) {
         let mut order: Vec<(u64, Face)> = Vec::new();
         for &f in todo.iter().filter(|&&f| self.edit.stands(f)).collect::<Vec<_>>() {
-            let value = self.energy(f).value;
+            let value = self.value_of(f);
             if value > 0.0 {
                 order.push((value.to_bits(), f));
             }
@@ -327,7 +321,7 @@ impl<'z, 'c, 'm> Zone<'z, 'c, 'm> {
         let (mut changed, mut touched) = (false, Vec::new());
         for (_, f) in order {
             if self.edit.stands(f)
-                && self.energy(f).value > 0.0
+                && self.value_of(f) > 0.0
                 && let Some(operation) = self.best_operation(f, may_move_back)
             {
                 touched.extend(self.apply(operation, counts));
@@ -342,12 +336,12 @@ impl<'z, 'c, 'm> Zone<'z, 'c, 'm> {
     }
 }
 
-impl Context<'_> {
-    /// The old vertex whose fit a face follows: an end of a chamfer edge first, then the lowest one.
-    fn representative(&self, corners: [Vert; 3]) -> Vert {
-        let is_labelled = |v: &Vert| v.index() < self.n_old && (self.fit)(*v).is_some();
+impl<'a> Context<'a> {
+    /// The fit that a face follows: that of an end of a chamfer edge first, then that of its lowest old vertex.
+    fn fit_of(&self, corners: [Vert; 3]) -> Option<&'a Fit> {
+        let is_labelled = |v: &Vert| v.index() < self.n_old && self.fits[*v].is_some();
         let best = corners.into_iter().filter(is_labelled).min_by_key(|&v| (!(self.is_chamfer_end)(v), v));
-        best.unwrap_or(Vert::NONE)
+        best.and_then(|v| self.fits[v])
     }
 
     /// The normal of the input face that `f` lies in.

@@ -161,7 +161,7 @@ impl Zone<'_, '_, '_> {
         let n_creases = self.crease(gone).len();
         let along = self.is_crease(gone, kept);
         let is_free = n_creases == 0 || (along && n_creases <= 2);
-        let is_labelled = self.edit.is_inserted(gone) || (self.context.fit)(gone).is_some();
+        let is_labelled = self.edit.is_inserted(gone) || self.context.fits[gone].is_some();
         if !self.is_inner[gone] || !is_free || !is_labelled {
             return None;
         }
@@ -170,7 +170,7 @@ impl Zone<'_, '_, '_> {
             return None;
         }
         let faces = self.edit.faces_at(gone).to_vec();
-        let old: f64 = faces.iter().map(|&f| self.energy(f).value).sum();
+        let old: f64 = faces.iter().map(|&f| self.value_of(f)).sum();
         let mut new = 0.0;
         for f in faces.into_iter().filter(|f| !beside.contains(f)) {
             let triangle = self.edit.corners(f).map(|v| self.edit.point(if v == gone { kept } else { v }));
@@ -192,7 +192,7 @@ impl Zone<'_, '_, '_> {
     /// The energy of a face that an operation changes, unless it leaves its fit.
     fn allowed(&mut self, f: Face, new: Energy) -> Option<f64> {
         let limit = FACE_TOLERANCE.max(self.energy(f).residual * 1.0001);
-        (new.residual <= limit).then_some(new.value)
+        (new.residual <= limit).then(|| self.value(new))
     }
 
     /// Whether a vertex opposite to `gone`-`kept` is joined to both by creases: these would become one.
@@ -218,13 +218,13 @@ impl Zone<'_, '_, '_> {
         let [_, g] =
             self.edit.faces_beside(a, b).filter(|beside| beside[0] == f && self.in_zone(beside[1]))?;
         let (c, d) = (self.edit.third(f, a, b), self.edit.third(g, a, b));
-        let has_three = |v: Vert| self.edit.link(v).len() <= 3;
+        let has_three = |v: Vert| !self.edit.has_four_neighbours(v);
         if c == d || self.edit.are_neighbours(c, d) || has_three(a) || has_three(b) {
             return None;
         }
         let triangles = [[a, d, c], [d, b, c]];
         let points = triangles.map(|t| t.map(|v| self.edit.point(v)));
-        let old = self.energy(f).value + self.energy(g).value;
+        let old = self.value_of(f) + self.value_of(g);
         let mut best: Option<(f64, [Face; 2])> = None;
         for faces in [[f, g], [g, f]] {
             let first = self.allowed(faces[0], self.energy_of(points[0], faces[0]));
@@ -296,7 +296,7 @@ impl Zone<'_, '_, '_> {
         let mut faces = [self.edit.faces_at(gone), self.edit.faces_at(kept)].concat();
         faces.sort_unstable();
         faces.dedup();
-        let old: f64 = faces.iter().map(|&f| self.energy(f).value).sum();
+        let old: f64 = faces.iter().map(|&f| self.value_of(f)).sum();
         let mut new = 0.0;
         for f in faces.into_iter().filter(|f| !beside.contains(f)) {
             let at = |v: Vert| if v == gone || v == kept { to } else { self.edit.point(v) };
@@ -384,7 +384,7 @@ impl Zone<'_, '_, '_> {
         let mut faces: Vec<Face> = vertices.iter().flat_map(|&v| self.edit.faces_at(v)).copied().collect();
         faces.sort_unstable();
         faces.dedup();
-        let old: f64 = faces.iter().map(|&f| self.energy(f).value).sum();
+        let old: f64 = faces.iter().map(|&f| self.value_of(f)).sum();
         let at = |zone: &Self, v: Vert| match vertices.iter().position(|&w| w == v) {
             Some(i) => to[i],
             None => zone.edit.point(v),
@@ -405,12 +405,12 @@ impl Zone<'_, '_, '_> {
     fn try_back(&mut self, v: Vert) -> Option<(f64, DVec3)> {
         let middle = self.context.refined.middles[v.index().checked_sub(self.n_old)?];
         let faces = self.edit.faces_at(v).to_vec();
-        let old: f64 = faces.iter().map(|&f| self.energy(f).value).sum();
+        let old: f64 = faces.iter().map(|&f| self.value_of(f)).sum();
         let mut best: Option<(f64, DVec3)> = None;
         for share in [0.25, 0.5, 0.75, 1.0] {
             let to = self.edit.point(v).lerp(middle, share);
             let at = |w: Vert| if w == v { to } else { self.edit.point(w) };
-            let energy = |&f: &Face| self.energy_of(self.edit.corners(f).map(at), f).value;
+            let energy = |&f: &Face| self.value(self.energy_of(self.edit.corners(f).map(at), f));
             let new: f64 = faces.iter().map(energy).sum();
             if new < old - BACK_GAIN && best.is_none_or(|(least, _)| new < least - FURTHER_BACK_GAIN) {
                 best = Some((new, to));
