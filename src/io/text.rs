@@ -220,7 +220,7 @@ fn saturating_whole(bytes: &[u8]) -> (i64, usize) {
 /// The digits that begin `bytes` as a whole number, and how many they are: up to eight, all at once. None near the
 /// end of the text.
 #[inline]
-fn up_to_eight_digits(bytes: &[u8]) -> Option<(u64, usize)> {
+pub(super) fn up_to_eight_digits(bytes: &[u8]) -> Option<(u64, usize)> {
     const EACH: u64 = 0x0101_0101_0101_0101;
     // The first digit is the lowest byte; a digit becomes its value, any other byte more than nine.
     let word = u64::from_le_bytes(*bytes.first_chunk()?) ^ (EACH * u64::from(b'0'));
@@ -243,7 +243,7 @@ fn up_to_eight_digits(bytes: &[u8]) -> Option<(u64, usize)> {
 /// digits as a whole number and the power of ten to divide them by are exact, so that one division rounds it
 /// as it should (Clinger 1990). None where anything else may follow that belongs to it.
 #[inline]
-fn plain_decimal(bytes: &[u8]) -> Option<(f64, usize)> {
+pub(super) fn plain_decimal(bytes: &[u8]) -> Option<(f64, usize)> {
     const MOST_DIGITS: usize = 15;
     const POWERS: [u64; MOST_DIGITS + 1] = {
         let mut powers = [1; MOST_DIGITS + 1];

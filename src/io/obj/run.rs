@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 use super::super::faces::{Corners, Faces};
-use super::super::text::Cursor;
+use super::super::text::{Cursor, plain_decimal, up_to_eight_digits};
 use super::piece::{Piece, STRIDE};
 use super::{Counts, Kind, kind};
 use crate::attributes::{Channel, Mark, Statement};
@@ -87,8 +87,32 @@ impl<'a> Run<'a> {
         }
     }
 
+    /// Reads the rest of a line of three words, each behind one blank: nearly all lines are such. None where this is
+    /// not so or a word is not for `read`, which also tells how long it is; then nothing is read.
+    #[inline]
+    fn three_words<T: Copy + Default>(
+        &mut self,
+        read: impl Fn(&[u8]) -> Option<(T, usize)>,
+    ) -> Option<[T; 3]> {
+        let mut rest = &self.text.bytes[self.text.at..];
+        let mut words = [T::default(); 3];
+        for word in &mut words {
+            rest = rest.strip_prefix(b" ")?;
+            let length;
+            (*word, length) = read(rest)?;
+            rest = &rest[length..];
+        }
+        rest = rest.strip_prefix(b"\n")?;
+        self.text.at = self.text.bytes.len() - rest.len();
+        self.text.line += 1;
+        Some(words)
+    }
+
     /// Three coordinates. What may follow: a weight, or a colour of three or four numbers.
     fn vertex(&mut self) -> Result<DVec3, Fault> {
+        if let Some(point) = self.three_words(plain_decimal) {
+            return Ok(point.into());
+        }
         let mut numbers = [0.0; 7];
         let mut n = 0;
         while !self.text.ends_statement() {
@@ -135,6 +159,15 @@ impl<'a> Run<'a> {
     }
 
     fn face(&mut self) -> Result<(), Fault> {
+        let total = self.total.vertices as u64;
+        let corner = |word: &[u8]| {
+            let (index, length) = up_to_eight_digits(word)?;
+            (1..=total).contains(&index).then_some((index as usize - 1, length))
+        };
+        if let Some(corners) = self.three_words(corner) {
+            self.piece.faces.triangles.push(corners.map(Vert::new));
+            return Ok(());
+        }
         let line = self.text.line;
         self.corners.clear();
         while !self.text.ends_statement() {
