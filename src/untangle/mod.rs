@@ -10,14 +10,15 @@
 //! A face is *bad* when its normal is far from the one that the fit of its representative (an old
 //! vertex with a label) predicts. Every operation must lower the summed energy of the faces that it
 //! touches and keep them on their fits. First short edges are collapsed; then bad faces are mended,
-//! worst first; what nothing else cures goes back towards the middle; last, slivers are cleared; and
-//! edges that still fold are flipped.
+//! worst first; what nothing else cures goes back towards the middle; then slivers are cleared, and
+//! edges that still fold are flipped; last, bad faces that cut others are pulled out of them.
 //!
 //! Based on: nothing in the papers, whose clean-up only looks at angles below 1 degree.
 //! In/out: edits the refined mesh in place, in the *zone* only: the faces at vertices of split faces.
 //! Old vertices may be collapsed there, never moved.
 //! Cost: O(bad faces) per round, at most [`MAX_ROUNDS`] rounds.
 
+mod cross;
 mod fold;
 mod moves;
 
@@ -126,6 +127,7 @@ pub(crate) fn untangle(context: &Context<'_>, edit: &mut Edit<'_>) -> UntangleCo
     zone.collapse_short_edges(&mut counts);
     zone.mend(bad, &mut counts);
     zone.flip_folds(&mut counts);
+    zone.uncross(&mut counts);
     counts.left = zone.bad_faces().len();
     counts
 }
