@@ -108,6 +108,15 @@ pub struct Site {
     ends: Ends,
 }
 
+impl Site {
+    /// Whether the edge lies in a surface and an end of it on a curve.
+    #[must_use]
+    pub fn is_beside_curve(&self) -> bool {
+        let is_crease = |sector: &Sector| matches!(sector.end, End::Crease { .. });
+        matches!(&self.ends, Ends::InSurface(_, sectors) if sectors.iter().any(is_crease))
+    }
+}
+
 /// What decides about a new vertex.
 #[derive(Clone, Copy, Debug)]
 enum Ends {

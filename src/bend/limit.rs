@@ -41,6 +41,8 @@ const WAY_LEFT: [f64; 4] = [1.0, 0.5, 0.25, 0.0];
 /// limits above are out of reach of a parent that is at most [`NEAR_SURFACE_COS`] off the surface and
 /// folded by at most [`NO_FOLD_COS`].
 const CALM_SINE: f64 = 0.42;
+/// The cosine of the same angle.
+const CALM_COS: f64 = 0.907_524_104_363_073_9;
 /// 20 degrees: with 24.8 more, the 45 of [`MAX_OFF_SURFACE_COS`] are not reached.
 const NEAR_SURFACE_COS: f64 = 0.939_692_620_785_908_4;
 /// 100 degrees: with twice 24.8 more, the 150 of [`MAX_FOLD_COS`] are not reached.
@@ -153,27 +155,28 @@ impl<'a> Draft<'a> {
         let [a, b, c] = self.mesh.triangle(f);
         let longest = a.distance_squared(b).max(b.distance_squared(c)).max(c.distance_squared(a)).sqrt();
         let apart = 2.0 * farthest.sqrt();
-        let is_calm = apart * (longest + apart) <= CALM_SINE * self.areas[f].length() / 4.0;
+        let area = self.areas[f];
+        // Slivers are out of reach of the bound; their children tell.
+        let is_calm = apart * (longest + apart) <= CALM_SINE * area.length() / 4.0
+            || self
+                .children(f)
+                .iter()
+                .all(|&child| child.dot(area) > 0.0 && is_within(CALM_COS, child, area));
         if is_calm { Motion::Calm } else { Motion::Far }
     }
 
     /// Whether `f` may have something to object to, as far as a glance tells.
     fn may_object(&self, f: Face, motions: &PerFace<Motion>) -> bool {
-        let area = self.areas[f];
-        // The angle between two vectors is at most that of the cosine; false where a length overflows.
-        let is_within = |a: DVec3, b: DVec3, cosine: f64| {
-            let (dot, limit) = (a.dot(b), cosine * (a.length_squared() * b.length_squared()).sqrt());
-            dot >= limit && limit.is_finite()
-        };
         let own = motions[f];
-        let is_disturbed = |twin: Half| match own.max(motions[twin.face()]) {
+        let is_folded = |g: Face| !is_within(NO_FOLD_COS, self.areas[f], self.areas[g]);
+        let is_disturbed = |g: Face| match own.max(motions[g]) {
             Motion::Still => false,
-            Motion::Calm => !is_within(area, self.areas[twin.face()], NO_FOLD_COS),
+            Motion::Calm => is_folded(g),
             Motion::Far => true,
         };
         own == Motion::Far
-            || self.twins(f).any(is_disturbed)
-            || own == Motion::Calm && !is_within(area, self.surface(f), NEAR_SURFACE_COS)
+            || self.twins(f).any(|twin| is_disturbed(twin.face()))
+            || own == Motion::Calm && !is_within(NEAR_SURFACE_COS, self.areas[f], self.surface(f))
     }
 
     /// The normal of `f` with its neighbours across edges that are no cut, by their areas.
@@ -183,21 +186,21 @@ impl<'a> Draft<'a> {
         self.areas[f] + beside.sum::<DVec3>()
     }
 
-    /// The unit normal of `f`; zero if it has none.
-    fn normal(&self, f: Face) -> DVec3 {
-        let length = self.areas[f].length();
-        if length > 0.0 && length.is_finite() { self.areas[f] / length } else { DVec3::ZERO }
-    }
-
     /// The half-edges whose new vertices should retreat, as far as face `f` is to say.
     fn objections(&self, f: Face) -> impl Iterator<Item = Half> + use<> {
         let halves = f.halves();
         let mut objections = [Half::NONE; 9];
         if !has_repeated_vertex(&self.mesh.corners(f)) {
             let children = self.children(f);
-            let (parent, surface) = (self.normal(f), self.surface(f).normalize_or_zero());
-            let has_turned = children.map(|child| has_turned(child, parent, surface));
-            let is_folded = |i: usize| children[i].dot(children[3]) < MAX_FOLD_COS;
+            let (parent, surface) = (self.areas[f], self.surface(f));
+            let off_surface = MAX_OFF_SURFACE_COS.min(cosine(parent, surface) - 1e-9);
+            let has_turned = children.map(|child| {
+                !is_within(MAX_TURN_COS, child, parent)
+                    // A parent without area, or a child, has no angle.
+                    || child.dot(parent) <= 0.0
+                    || !is_within(off_surface, child, surface)
+            });
+            let is_folded = |i: usize| !is_within(MAX_FOLD_COS, children[i], children[3]);
             for i in 0..3 {
                 // The child at corner i has its new vertices on half-edges i and i - 1.
                 if has_turned[i] || has_turned[(i + 1) % 3] || has_turned[3] || (0..3).any(is_folded) {
@@ -230,33 +233,41 @@ impl<'a> Draft<'a> {
     /// ```
     fn folds_across(&self, f: Face, i: usize, twin: Half, children: &[DVec3; 4]) -> [Option<Half>; 2] {
         let g = twin.face();
-        let parents = [f, g].map(|f| self.normal(f));
+        let neighbours = self.children(g);
+        let (at_start, at_end) = (neighbours[twin.next().corner()], neighbours[twin.corner()]);
+        let (own_start, own_end) = (children[i], children[(i + 1) % 3]);
+        if own_start.dot(at_start) >= 0.0 && own_end.dot(at_end) >= 0.0 {
+            return [None; 2];
+        }
+        let parents = [f, g].map(|f| self.areas[f]);
         if parents.contains(&DVec3::ZERO) {
             return [None; 2];
         }
-        let neighbours = self.children(g);
-        let limit = MAX_FOLD_COS.min(parents[0].dot(parents[1]) - 1e-9);
-        let at_start = children[i].dot(neighbours[twin.next().corner()]) < limit;
-        let at_end = children[(i + 1) % 3].dot(neighbours[twin.corner()]) < limit;
+        let limit = MAX_FOLD_COS.min(cosine(parents[0], parents[1]) - 1e-9);
+        let (at_start, at_end) = (!is_within(limit, own_start, at_start), !is_within(limit, own_end, at_end));
         [at_start.then_some(twin.next()), at_end.then_some(twin.prev())]
     }
 
-    /// The unit normals of the children of `f`: those at its three corners, then the inner one.
+    /// The cross products of two edges of each child of `f`: of those at its three corners, then of the
+    /// inner one.
     fn children(&self, f: Face) -> [DVec3; 4] {
         let [a, b, c] = self.mesh.triangle(f);
         let way = |h: Half| self.middles.slot(h).map_or(DVec3::ZERO, |slot| self.settled.way(slot));
         let [x, y, z] = f.halves().map(way);
         let (x, y, z) = (a.midpoint(b) + x, b.midpoint(c) + y, c.midpoint(a) + z);
-        let normal = |p: DVec3, q: DVec3, r: DVec3| (q - p).cross(r - p).normalize_or_zero();
-        [normal(a, x, z), normal(b, y, x), normal(c, z, y), normal(x, y, z)]
+        let area = |p: DVec3, q: DVec3, r: DVec3| (q - p).cross(r - p);
+        [area(a, x, z), area(b, y, x), area(c, z, y), area(x, y, z)]
     }
 }
 
-/// Whether a child has turned too far, given its unit normal and those of its parent and of the surface.
-fn has_turned(child: DVec3, parent: DVec3, surface: DVec3) -> bool {
-    // A parent without area, or a child: the dot product is zero.
-    child.dot(parent) < MAX_TURN_COS
-        || child.dot(surface) < MAX_OFF_SURFACE_COS.min(parent.dot(surface) - 1e-9)
+/// Whether the angle between `a` and `b` is at most that of the cosine; zero has none and is within any.
+fn is_within(cosine: f64, a: DVec3, b: DVec3) -> bool {
+    a.dot(b) >= cosine * (a.length() * b.length())
+}
+
+/// The cosine of the angle between two vectors; 0 where one has no direction.
+fn cosine(a: DVec3, b: DVec3) -> f64 {
+    a.normalize_or_zero().dot(b.normalize_or_zero())
 }
 
 #[cfg(test)]
