@@ -29,7 +29,7 @@ impl Zone<'_, '_, '_> {
             verts.dedup();
             if let Some((v, to)) = self.best_way_out(&verts) {
                 self.edit.move_to(v, to);
-                let faces: Vec<Face> = self.edit.faces_at(v).collect();
+                let faces: Vec<Face> = self.edit.faces_at(v).to_vec();
                 faces.into_iter().for_each(|f| self.forget(f));
                 counts.moved_back += 1;
             }
@@ -59,8 +59,9 @@ impl Zone<'_, '_, '_> {
     /// How often the faces at `v` cut others, and their summed energy.
     fn trouble_at(&self, v: Vert) -> (u32, f64) {
         let faces = self.edit.faces_at(v);
-        let energy = |f: Face| self.energy_of(self.edit.triangle(f), f).value;
-        faces.fold((0, 0.0), |(cuts, bad), f| (cuts + self.faces_cut_by(f).len() as u32, bad + energy(f)))
+        let badness = |f: Face| self.value(self.energy_of(self.edit.triangle(f), f));
+        let add = |(cuts, bad), &f: &Face| (cuts + self.faces_cut_by(f).len() as u32, bad + badness(f));
+        faces.iter().fold((0, 0.0), add)
     }
 
     /// The faces within reach that `f` cuts, ascending.
@@ -68,7 +69,7 @@ impl Zone<'_, '_, '_> {
         let mut near = vec![f];
         for _ in 0..RINGS {
             let verts: Vec<Vert> = near.iter().flat_map(|&f| self.edit.corners(f)).collect();
-            near.extend(verts.into_iter().flat_map(|v| self.edit.faces_at(v)));
+            near.extend(verts.into_iter().flat_map(|v| self.edit.faces_at(v).iter().copied()));
             near.sort_unstable();
             near.dedup();
         }
@@ -106,8 +107,8 @@ fn passes_through([p, q]: [DVec3; 2], [a, b, c]: [DVec3; 3]) -> bool {
 mod tests {
     use super::*;
     use crate::edit::Edit;
-    use crate::mesh::Half;
     use crate::mesh::tests::mesh;
+    use crate::mesh::{Half, PerVert};
     use crate::refine::{Inserts, refine};
     use crate::untangle::Context;
     use glam::dvec3;
@@ -137,12 +138,14 @@ mod tests {
         let context = Context {
             before: &before,
             refined: &refined,
-            fit: &|_| None,
+            n_old: before.n_verts(),
+            fits: PerVert::filled(before.n_verts(), None),
             is_chamfer_end: &|_| false,
             is_moved: &|_| true,
             mean_edge: 1.0,
         };
-        let mut edit = Edit::new(&refined, before.n_verts());
+        let is_whole = PerVert::filled(refined.mesh.n_verts(), true);
+        let mut edit = Edit::new(&refined, before.n_verts(), &is_whole);
         let mut counts = UntangleCounts::default();
         Zone::new(&context, &mut edit).uncross(&mut counts);
         (edit.point(Vert::new(16)).z, counts.moved_back)
