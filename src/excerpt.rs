@@ -21,9 +21,11 @@ use crate::mesh::{Face, Half, Mesh, PerVert, Vert};
 use crate::refine::{Inserts, Lineage, Place, Refined, Split};
 use crate::subset::{Ranked, Subset};
 
-/// Rings of faces round the split ones: at the vertices of split faces, and at the vertices of those. The
-/// edits of untangling ask for no vertex beyond the second.
+/// Rings of faces round the split ones: at the vertices of split faces, and at the vertices of those. Where edits ask
+/// for a vertex beyond, a wider excerpt is cut.
 pub(crate) const RINGS: usize = 2;
+/// Untangling looks for faces that cut those at the vertices of split faces three rings farther on.
+pub(crate) const UNTANGLING_RINGS: usize = 4;
 
 /// A part of a mesh, refined.
 pub(crate) struct Excerpt<'m> {

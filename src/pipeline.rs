@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use crate::classify::{Labels, SmoothThreshold, classify, classify_interior, red_edges};
 use crate::collapse::{CollapseCounts, collapse_degenerate_faces};
 use crate::edit::Edit;
-use crate::excerpt::{Excerpt, Now, RINGS, Rejoined};
+use crate::excerpt::{Excerpt, Now, RINGS, Rejoined, UNTANGLING_RINGS};
 use crate::mesh::{Half, Mesh, MeshError, PerHalf, Vert};
 use crate::options::{Method, Options};
 use crate::place::{Outcome, Placement, place};
@@ -155,7 +155,7 @@ fn clean(
     keeps_lineage: bool,
 ) -> Result<Cleaned, MeshError> {
     let inserts = &chamfers.placement.inserts;
-    let mut rings = RINGS;
+    let mut rings = if chamfers.regions.is_some() { UNTANGLING_RINGS } else { RINGS };
     let rejoined = loop {
         let excerpt = Excerpt::new(mesh, inserts, &split, rings);
         let mut edit = Edit::new(&excerpt.refined, excerpt.n_old(), &excerpt.is_whole);

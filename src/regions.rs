@@ -10,13 +10,15 @@
 //!                 M |  /|    edges (Sperner's lemma): no search for corners.
 //! ```
 //!
-//! Based on: REGIONS.md steps 1 to 9, and labels that are carried along (`grow.rs`); it replaces the papers' filters 1 to 6, but for the smooth edges.
+//! Based on: REGIONS.md steps 1 to 9, labels that are carried along (`grow.rs`) and creases that fade
+//! (`fade.rs`); it replaces the papers' filters 1 to 6, but for the smooth edges.
 //! Differs: vertices count as deep by their neighbours alone, not by a distance as well (step 2; it made
 //! no measurable difference). A patch has at most [`patch::MAX_MEMBERS`] vertices. Interior vertices keep
 //! to their own region.
 //! In/out: `Mesh` + face normals `[F]` + `Labels` (smooth edges, interior vertices) -> `RegionLabels`.
 //! Cost: O(V) plus some 10 microseconds per doubtful vertex, in parallel.
 
+mod fade;
 mod fits;
 mod gates;
 mod grow;
@@ -58,7 +60,10 @@ const FLAT_RMS: f64 = 0.01;
 const FAR: f64 = 0.15;
 /// ... and one that is carried along is not given where it would be this far, as it rests on others ...
 const FAR_TO_GROW: f64 = 0.1;
-/// ... but either may be as far as this many times the noise.
+/// ... and one this far gives way to one that is carried along, if that is better: the ends of walls that
+/// taper off have labels of what is beside them, .07 to .14 from their vertices ...
+const FAR_TO_STAY: f64 = 0.05;
+/// ... but each may be as far as this many times the noise.
 const FAR_IN_NOISE: f64 = 5.0;
 
 /// A vertex this close to two fits lies on their crease, in mean edge lengths.
@@ -190,11 +195,13 @@ fn bends_like_a_chamfer(mesh: &Mesh, v: Vert) -> bool {
 pub fn label_by_fits(mesh: &Mesh, face_normals: &PerFace<DVec3>, labels: &Labels) -> RegionLabels {
     let surface = Surface::new(mesh, face_normals, labels);
     let (mut fits, noise) = label_vertices(&surface);
-    let candidates = chamfer_edges(&surface, &fits);
-    let (strip_of, strips) = gates::judge_strips(&surface, &fits, &candidates, noise);
-    let is_kept = |&(_, &strip): &(&Half, &u32)| strips[strip as usize].fate == Fate::Kept;
-    let chamfers: Vec<Half> = candidates.iter().zip(&strip_of).filter(is_kept).map(|(&h, _)| h).collect();
-    let off_surface = gates::off_surface(&surface, &fits, &chamfers);
+    let mut candidates = chamfer_edges(&surface, &fits);
+    let (mut strip_of, mut strips) = gates::judge_strips(&surface, &fits, &candidates, noise);
+    let off_surface = gates::off_surface(&surface, &fits, &kept(&candidates, &strip_of, &strips));
+    if fade::can_follow(noise, off_surface.is_likely()) {
+        fade::follow(&surface, &fits, &mut candidates, &mut strip_of, &mut strips);
+    }
+    let chamfers = kept(&candidates, &strip_of, &strips);
     let is_noisy = noise::is_noisy(&surface, &fits, noise);
     let moved = if is_noisy {
         let zone = noise::zone_of(&surface, &chamfers);
@@ -225,6 +232,12 @@ pub fn label_by_fits(mesh: &Mesh, face_normals: &PerFace<DVec3>, labels: &Labels
     }
 }
 
+/// The edges of the strips that were kept.
+fn kept(candidates: &[Half], strip_of: &[u32], strips: &[Strip]) -> Vec<Half> {
+    let is_kept = |&(_, &strip): &(&Half, &u32)| strips[strip as usize].fate == Fate::Kept;
+    candidates.iter().zip(strip_of).filter(is_kept).map(|(&h, _)| h).collect()
+}
+
 /// Steps 3 to 6 in two passes: the fits of the doubtful vertices, and the noise. Only the second pass knows
 /// whether the samples are on the surface.
 fn label_vertices(surface: &Surface) -> (VertexFits, f64) {
@@ -242,7 +255,8 @@ fn label_vertices(surface: &Surface) -> (VertexFits, f64) {
     label::take_back_far_labels(surface, &mut fits, unless_off(limit(FAR)));
     // Leftovers first, which then grow as well: the other way round remesh_5k has L2 .069 instead of .050.
     label::explain_by_leftovers(surface, &mut fits, leftover_rms);
-    grow::grow(surface, &mut fits, limit(FAR), unless_off(limit(FAR_TO_GROW)));
+    let far_to_stay = limit(if is_off { FAR } else { FAR_TO_STAY });
+    grow::grow(surface, &mut fits, far_to_stay..=limit(FAR), unless_off(limit(FAR_TO_GROW)));
     label::explain_by_red_faces(surface, &mut fits);
     label::explain_by_leftovers(surface, &mut fits, leftover_rms);
     label::adopt_from_neighbours(surface, &mut fits);

@@ -13,6 +13,8 @@
 //! In/out: `Surface` + fits -> more fits, none changed.
 //! Cost: a patch and a few fits per round and vertex that nothing explains, in parallel.
 
+use std::ops::RangeInclusive;
+
 use glam::DVec3;
 
 use super::VertexFits;
@@ -38,12 +40,17 @@ const MAX_RMS: f64 = 0.1;
 const FOLLOWING_ANGLE: f64 = 45.0 * std::f64::consts::PI / 180.0;
 
 /// A label that is far from its vertex may be that of the next region: one that is carried along replaces it
-/// if it explains the vertex better by this, in h.
-const CLEARLY_BETTER: f64 = 0.05;
+/// if it explains the vertex better by this, in h. A label that is not so far has to be farther by it as well:
+/// what is carried along has samples nearer by than it, and the score counts that too.
+const CLEARLY_BETTER: f64 = 0.03;
 
-/// Gives the vertices without a fit, or with one farther than `far`, one of the labelled vertices round them,
-/// round by round. None is farther than `limit` from its vertex; both in h.
-pub(super) fn grow(surface: &Surface, fits: &mut VertexFits, far: f64, limit: f64) {
+/// A label is far only if it is so by this many times the residual of its fit: a biased fit is biased for
+/// all, and replacing it here and there made a countersink look round.
+const FAR_IN_RMS: f64 = 4.0;
+
+/// Gives the vertices without a fit, or with one that is far (from the first of `far` on if its fit is exact,
+/// from the last on in any case), one of the labelled vertices round them, round by round. None is farther than `limit` from its vertex; both in h.
+pub(super) fn grow(surface: &Surface, fits: &mut VertexFits, far: RangeInclusive<f64>, limit: f64) {
     let carried = |v: Vert, fit: &Fit| {
         let place = fit.origin + surface.h * fit.displacement * fit.normal;
         (!surface.interior[v]).then_some(Carried { place, normal: fit.normal })
@@ -51,13 +58,19 @@ pub(super) fn grow(surface: &Surface, fits: &mut VertexFits, far: f64, limit: f6
     let mut labels: Vec<Option<Carried>> =
         surface.near.verts.iter().map(|&v| carried(v, fits.get(v)?)).collect();
     let is_open = |v: Vert, fit: Option<&Fit>| {
-        !surface.interior[v] && fit.is_none_or(|fit| fit.displacement.abs() > far)
+        let is_far =
+            |fit: &Fit| fit.displacement.abs() > (FAR_IN_RMS * fit.rms).clamp(*far.start(), *far.end());
+        !surface.interior[v] && fit.is_none_or(is_far)
     };
     for _ in 0..ROUNDS {
         let explain = |scratch: &mut Scratch, fits: &VertexFits, v| {
             let found =
                 Grown { surface, labels: &labels, centre: surface.near.of[v] }.explain(scratch, limit)?;
-            let is_better = |old: &Fit| score(&found) < score(old) - CLEARLY_BETTER;
+            let is_better = |old: &Fit| {
+                let (now, then) = (found.displacement.abs(), old.displacement.abs());
+                let is_nearer = then > *far.end() || now < then - CLEARLY_BETTER;
+                is_nearer && score(&found) < score(old) - CLEARLY_BETTER
+            };
             fits.get(v).is_none_or(is_better).then_some(found)
         };
         let found = explain_those(fits, is_open, explain);
@@ -181,7 +194,7 @@ mod tests {
         let mut surface = surface(&m, &normals);
         let grown = |surface: &Surface, limit| {
             let mut fits = columns(&m, |column| (column < 5).then_some(DVec3::Z), 0.1);
-            grow(surface, &mut fits, 0.15, limit);
+            grow(surface, &mut fits, 0.15..=0.15, limit);
             fits
         };
         let fits = grown(&surface, 0.2);
@@ -196,7 +209,7 @@ mod tests {
         surface.interior = m.verts().map(|v| v.index() < 10).collect::<Vec<_>>().into();
         surface.near = Near::around(&surface, &m.verts().collect::<Vec<_>>());
         let mut none = columns(&m, |_| None, 0.0);
-        grow(&surface, &mut none, 0.15, 0.2);
+        grow(&surface, &mut none, 0.15..=0.15, 0.2);
         assert_eq!(none.iter().count(), 0);
     }
 
@@ -216,7 +229,7 @@ mod tests {
             _ => Some(DVec3::X),
         };
         let mut fits = columns(&m, side, 0.0);
-        grow(&surface(&m, &normals), &mut fits, 0.15, 0.2);
+        grow(&surface(&m, &normals), &mut fits, 0.15..=0.15, 0.2);
         for v in [6, 7].map(Vert::new) {
             let fit = fits.get(v).unwrap();
             assert_eq!((fit.normal, fit.n_members), (DVec3::Z, 6), "nothing of the other side");
@@ -224,7 +237,7 @@ mod tests {
         }
         // Two members on each side are too few, four together would do.
         let mut fits = columns(&m, |column| side(column).filter(|_| column == 2 || column == 4), 0.0);
-        grow(&surface(&m, &normals), &mut fits, 0.15, 0.2);
+        grow(&surface(&m, &normals), &mut fits, 0.15..=0.15, 0.2);
         assert!(fits.get(Vert::new(6)).is_none());
     }
 
@@ -240,11 +253,20 @@ mod tests {
                 let far = Fit { displacement: off, distance: 1.0, ..fits.get(v).unwrap().clone() };
                 fits.set(v, far);
             }
-            grow(&surface, &mut fits, 0.15, 0.35);
+            grow(&surface, &mut fits, 0.15..=0.15, 0.35);
             fits.get(Vert::new(10)).unwrap().displacement
         };
         assert_relative_eq!(displacement(0.3), 0.0, epsilon = 1e-3);
         assert_eq!(displacement(0.14), 0.14, "not far");
+        let is_replaced = |rms: f64| {
+            let mut fits = columns(&m, |_| Some(DVec3::Z), 0.0);
+            let far =
+                Fit { displacement: 0.1, rms, distance: 1.0, ..fits.get(Vert::new(10)).unwrap().clone() };
+            fits.set(Vert::new(10), far);
+            grow(&surface, &mut fits, 0.05..=0.15, 0.35);
+            fits.get(Vert::new(10)).unwrap().displacement < 0.1
+        };
+        assert!(is_replaced(0.02) && !is_replaced(0.03), "five residuals, three");
     }
 
     #[test]
@@ -253,7 +275,7 @@ mod tests {
         let m = strip(10);
         let normals = m.face_normals();
         let mut fits = columns(&m, |column| (column < 5).then_some(DVec3::Y), 0.0);
-        grow(&surface(&m, &normals), &mut fits, 0.15, 0.35);
+        grow(&surface(&m, &normals), &mut fits, 0.15..=0.15, 0.35);
         assert_eq!(fits.iter().count(), 10);
     }
 
@@ -270,7 +292,7 @@ mod tests {
         let mut fits = super::super::label::explain_by_regions(&surface);
         let before = format!("{fits:?}");
         assert!(fits.iter().count() > 0);
-        grow(&surface, &mut fits, 0.15, 0.35);
+        grow(&surface, &mut fits, 0.15..=0.15, 0.35);
         assert_eq!(format!("{fits:?}"), before);
     }
 }

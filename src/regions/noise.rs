@@ -24,7 +24,7 @@ use crate::mesh::{Half, Vert};
 
 /// A mesh is noisy when the median residual (in h) is larger than this; where samples are exact it is .007 at
 /// most ...
-const NOISY_RMS: f64 = 0.02;
+pub(super) const NOISY_RMS: f64 = 0.02;
 /// ... and the correlation of neighbouring vertices' distances from their fits smaller than this: what a
 /// scanned animal's fits leave is shape, and correlates by .39; noise does by .04 to .13.
 const NOISY_CORRELATION: f64 = 0.2;
