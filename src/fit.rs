@@ -221,6 +221,25 @@ mod tests {
     }
 
     #[test]
+    fn a_fit_does_not_depend_on_how_the_mesh_is_turned() {
+        let twisted =
+            |x: f64, y: f64| (0.2 * x * x + 0.3 * x * y, 0.4 * x + 0.3 * y + 0.01 * (9.0 * y).sin(), 0.3 * x);
+        let fit =
+            |turn| Fitter::default().fit(DVec3::ZERO, &samples(turn, twisted), FitSource::Region).unwrap();
+        let at = |turn: glam::DQuat| {
+            let (distance, normal) = fit(turn).evaluate(turn * dvec3(0.9, 0.7, 0.2), 1.0);
+            (distance, turn.inverse() * normal)
+        };
+        let plain = at(glam::DQuat::IDENTITY);
+        assert!(fit(turn()).coefficients[4].abs() > 0.1, "it has a twist");
+        for turn in [turn(), glam::DQuat::from_rotation_z(0.5), glam::DQuat::from_rotation_z(-2.0)] {
+            let turned = at(turn);
+            assert_relative_eq!(turned.0, plain.0, epsilon = 1e-12);
+            assert_relative_eq!(turned.1.distance(plain.1), 0.0, epsilon = 1e-12);
+        }
+    }
+
+    #[test]
     fn noise_does_not_bend_a_plane() {
         let mut sign = 1.0;
         let mut noisy = samples(turn(), |_, _| (0.0, 0.0, 0.0));
