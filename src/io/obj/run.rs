@@ -162,7 +162,7 @@ impl<'a> Run<'a> {
         let total = self.total.vertices as u64;
         let corner = |word: &[u8]| {
             let (index, length) = up_to_eight_digits(word)?;
-            (1..=total).contains(&index).then_some((index as usize - 1, length))
+            (1..=total).contains(&index).then(|| (index as usize - 1, length))
         };
         if let Some(corners) = self.three_words(corner) {
             self.piece.faces.triangles.push(corners.map(Vert::new));
