@@ -14,6 +14,9 @@
 //! In/out: edits the refined mesh in place; says how many faces were mended and how many left.
 //! Cost: O(faces at inserted vertices), up to [`MAX_ROUNDS`] times.
 
+use glam::DVec3;
+use rayon::prelude::*;
+
 use crate::edit::Edit;
 use crate::geometry::inner_angles;
 use crate::mesh::{Face, Vert};
@@ -75,14 +78,31 @@ pub(crate) fn collapse_degenerate_faces(
 fn degenerate_faces(edit: &Edit<'_>, faces: &[Face]) -> Vec<Face> {
     let owns_inserted = |f: Face| edit.corners(f).iter().any(|&v| edit.is_inserted(v));
     let mut found: Vec<(u64, Face)> = faces
-        .iter()
-        .filter(|&&f| edit.stands(f) && owns_inserted(f))
+        .par_iter()
+        .filter(|&&f| edit.stands(f) && owns_inserted(f) && !is_clearly_wide(edit.triangle(f)))
         .map(|&f| (smallest_angle(edit, f), f))
         .filter(|&(angle, _)| angle < MIN_ANGLE)
         .map(|(angle, f)| (angle.to_bits(), f)) // Angles are not negative: their bits order as they do.
         .collect();
     found.sort_unstable();
     found.into_iter().map(|(_, f)| f).collect()
+}
+
+/// Whether all angles of a triangle are well above [`MIN_ANGLE`]: told without computing any. The smallest angle
+/// lies between the two longest sides.
+fn is_clearly_wide([a, b, c]: [DVec3; 3]) -> bool {
+    /// The square of the sine of twice the angle.
+    const WIDE: f64 = 4.0 * MIN_ANGLE * MIN_ANGLE;
+    let sides = [a.distance_squared(b), b.distance_squared(c), c.distance_squared(a)];
+    let shortest = sides[0].min(sides[1]).min(sides[2]);
+    let of_longer_two = if shortest == sides[0] {
+        sides[1] * sides[2]
+    } else if shortest == sides[1] {
+        sides[2] * sides[0]
+    } else {
+        sides[0] * sides[1]
+    };
+    (b - a).cross(c - a).length_squared() > WIDE * of_longer_two
 }
 
 fn smallest_angle(edit: &Edit<'_>, f: Face) -> f64 {
@@ -155,6 +175,7 @@ mod tests {
     use crate::mesh::tests::mesh;
     use crate::mesh::{Mesh, PerVert};
     use crate::refine::{Inserts, refine};
+    use glam::dvec3;
 
     fn mended(m: &Mesh, n_old: usize) -> (CollapseCounts, Vec<[usize; 3]>) {
         let inserts = Inserts::none();
@@ -220,6 +241,21 @@ mod tests {
     #[test]
     fn a_good_triangle_is_left_alone() {
         assert_eq!(mended(&octagon(0.5), 0).0, CollapseCounts::default());
+    }
+
+    #[test]
+    fn what_is_clearly_wide_has_no_angle_below_the_limit() {
+        let narrow = |degrees: f64, turn: usize| {
+            let mut t = [dvec3(0., 0., 0.), dvec3(1., 0., 0.), DVec3::ZERO];
+            t[2] = 0.9 * dvec3(degrees.to_radians().cos(), degrees.to_radians().sin(), 0.);
+            t.rotate_left(turn);
+            is_clearly_wide(t)
+        };
+        for turn in 0..3 {
+            assert!(!narrow(0.0, turn) && !narrow(1.01, turn) && !narrow(1.9, turn));
+            assert!(narrow(2.1, turn) && narrow(90.0, turn) && !narrow(178.9, turn));
+        }
+        assert!(!is_clearly_wide([DVec3::ONE; 3]) && !is_clearly_wide([DVec3::NAN; 3]));
     }
 
     // 3---2     Vertex 4 lies on the diagonal 0-2 but for a hair: face 0 2 4 is a cap.

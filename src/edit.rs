@@ -7,9 +7,11 @@
 //! Cost: O(V + F) to set up and to finish, O(valence) per query and edit: the mesh is an
 //! [`Excerpt`](crate::excerpt::Excerpt).
 
+use std::ops::Range;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use glam::DVec3;
+use rayon::prelude::*;
 
 use crate::mesh::{Face, Half, Mesh, MeshError, PerFace, PerVert, Vert};
 use crate::refine::{Inserts, Lineage, Place, Refined};
@@ -18,6 +20,8 @@ use crate::refine::{Inserts, Lineage, Place, Refined};
 const DEAD: [Vert; 3] = [Vert::NONE; 3];
 /// No edit has changed the faces of the vertex.
 const UNTOUCHED: u32 = u32::MAX;
+/// Faces per unit of parallel work.
+const CHUNK: usize = 8192;
 
 /// The mesh under edit.
 pub(crate) struct Edit<'m> {
@@ -40,6 +44,16 @@ pub(crate) struct Edit<'m> {
     into: PerVert<Vert>,
 }
 
+/// What remains of some of its faces: as in [`Lineage`], and which corners each has.
+#[derive(Default)]
+struct Piece {
+    faces: Vec<[Vert; 3]>,
+    parents: Vec<Face>,
+    places: Vec<Place>,
+    /// By the index in `places`.
+    foreign: Vec<(usize, [f64; 3])>,
+}
+
 /// What remains of a mesh after its edits.
 pub(crate) struct Edited {
     pub mesh: Mesh,
@@ -53,14 +67,16 @@ pub(crate) struct Edited {
 impl<'m> Edit<'m> {
     pub(crate) fn new(refined: &'m Refined, n_old: usize, is_whole: &'m PerVert<bool>) -> Self {
         let mesh = &refined.mesh;
+        let copies = || (mesh.points().to_vec(), mesh.faces().to_vec());
+        let (rings, (points, faces)) = rayon::join(|| Rings::gather(mesh), copies);
         Self {
             refined,
             n_old,
             is_whole,
             is_at_fringe: AtomicBool::new(false),
-            points: mesh.points().to_vec().into(),
-            faces: mesh.faces().to_vec().into(),
-            rings: Rings::gather(mesh),
+            points: points.into(),
+            faces: faces.into(),
+            rings,
             slot: PerVert::filled(mesh.n_verts(), UNTOUCHED),
             around: Vec::new(),
             into: PerVert::filled(mesh.n_verts(), Vert::NONE),
@@ -259,15 +275,39 @@ impl<'m> Edit<'m> {
         self,
         before: &Mesh,
         inserts: &Inserts,
-        whole: impl Fn(Vert) -> Vert,
+        whole: impl Fn(Vert) -> Vert + Sync,
     ) -> Result<Edited, MeshError> {
         let (now, replaced, points) = self.compact_verts();
+        let n_faces = self.faces.len();
+        let mut faces = Vec::with_capacity(n_faces);
+        let (mut parents, mut places) = (Vec::with_capacity(n_faces), Vec::with_capacity(3 * n_faces));
+        let mut foreign = Vec::new();
+        let piece =
+            |first: usize| self.finish_piece(first..n_faces.min(first + CHUNK), before, inserts, &whole);
+        let pieces: Vec<Piece> = (0..n_faces).into_par_iter().step_by(CHUNK).map(piece).collect();
+        for piece in pieces {
+            foreign.extend(piece.foreign.iter().map(|&(i, weights)| (Half::new(places.len() + i), weights)));
+            faces.extend(piece.faces.iter().map(|corners| corners.map(|v| now[v])));
+            parents.extend(piece.parents);
+            places.extend(piece.places);
+        }
+        let lineage = Lineage { parents: parents.into(), corners: places.into(), foreign };
+        let mesh = Mesh::new(points, faces)?;
+        debug_assert_eq!(mesh.check(), Ok(()));
+        Ok(Edited { mesh, lineage, now, replaced })
+    }
+
+    /// What is left of some of the faces.
+    fn finish_piece(
+        &self,
+        range: Range<usize>,
+        before: &Mesh,
+        inserts: &Inserts,
+        whole: impl Fn(Vert) -> Vert,
+    ) -> Piece {
         let Refined { mesh, lineage: old, .. } = self.refined;
-        let mut faces = Vec::with_capacity(self.faces.len());
-        let mut lineage = Lineage::default();
-        let mut parents = Vec::with_capacity(self.faces.len());
-        let mut places = Vec::with_capacity(3 * self.faces.len());
-        for f in mesh.face_ids().filter(|&f| self.stands(f)) {
+        let mut piece = Piece::default();
+        for f in range.map(Face::new).filter(|&f| self.stands(f)) {
             let (parent, corners) = (old.parents[f], self.corners(f));
             for (i, v) in corners.into_iter().enumerate() {
                 let stays = v == mesh.corners(f)[i];
@@ -275,18 +315,14 @@ impl<'m> Edit<'m> {
                     if stays { old.corners[f.half(i)] } else { place_in(before, inserts, parent, whole(v)) };
                 if place == Place::Foreign {
                     let weights = barycentric(before.triangle(parent), self.point(v));
-                    lineage.foreign.push((Half::new(places.len()), weights));
+                    piece.foreign.push((piece.places.len(), weights));
                 }
-                places.push(place);
+                piece.places.push(place);
             }
-            parents.push(parent);
-            faces.push(corners.map(|v| now[v]));
+            piece.parents.push(parent);
+            piece.faces.push(corners);
         }
-        lineage.parents = parents.into();
-        lineage.corners = places.into();
-        let mesh = Mesh::new(points, faces)?;
-        debug_assert_eq!(mesh.check(), Ok(()));
-        Ok(Edited { mesh, lineage, now, replaced })
+        piece
     }
 
     /// New indices `[V]`, the old vertices that are gone, and the points in their new order.

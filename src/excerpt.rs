@@ -15,9 +15,10 @@
 use std::ops::Range;
 
 use glam::DVec3;
+use rayon::prelude::*;
 
 use crate::edit::Edited;
-use crate::mesh::{Face, Half, Mesh, PerVert, Vert};
+use crate::mesh::{Element, Face, Half, Mesh, PerVert, Vert};
 use crate::refine::{Inserts, Lineage, Place, Refined, Split};
 use crate::subset::{Ranked, Subset};
 
@@ -26,6 +27,9 @@ use crate::subset::{Ranked, Subset};
 pub(crate) const RINGS: usize = 2;
 /// Untangling looks for faces that cut those at the vertices of split faces three rings farther on.
 pub(crate) const UNTANGLING_RINGS: usize = 4;
+
+/// Faces per unit of parallel work.
+const CHUNK: usize = 8192;
 
 /// A part of a mesh, refined.
 pub(crate) struct Excerpt<'m> {
@@ -76,18 +80,14 @@ impl<'m> Excerpt<'m> {
     pub(crate) fn new(before: &'m Mesh, inserts: &'m Inserts, split: &Split, rings: usize) -> Self {
         let (n_verts, n_faces) = (before.n_verts(), before.n_faces());
         let mut faces = Subset::of(n_faces, split.faces.iter().copied());
-        let mut verts = Subset::of(n_verts, faces.iter().flat_map(|f| before.corners(f)));
+        let mut verts = Subset::of(n_verts, []);
+        let mut ring = add(&mut verts, split.faces.par_iter().flat_map_iter(|&f| before.corners(f)));
         let mut whole = Subset::of(n_verts, []);
         for _ in 0..rings {
-            let mut ring = Subset::of(n_faces, []);
-            for v in verts.iter().filter(|&v| !whole.contains(v)) {
-                before.leaving(v).iter().map(|h| h.face()).for_each(|f| ring.insert(f));
-            }
             whole = verts.clone();
-            for f in ring.iter().filter(|&f| !faces.contains(f)) {
-                before.corners(f).into_iter().for_each(|v| verts.insert(v));
-            }
-            ring.iter().for_each(|f| faces.insert(f));
+            let around = |&v: &Vert| before.leaving(v).iter().map(|h| h.face());
+            let new = add(&mut faces, ring.par_iter().flat_map_iter(around));
+            ring = add(&mut verts, new.par_iter().flat_map_iter(|&f| before.corners(f)));
         }
         let (faces, verts) = (faces.iter().collect::<Vec<_>>(), verts.ranked());
         let refined = refine_excerpt(before, inserts, split, &faces, &verts);
@@ -190,6 +190,13 @@ impl<'m> Excerpt<'m> {
     }
 }
 
+/// Puts elements into a set; those that it did not have come back.
+fn add<I: Element + Send>(set: &mut Subset<I>, elements: impl ParallelIterator<Item = I>) -> Vec<I> {
+    let mut elements: Vec<I> = elements.collect();
+    elements.retain(|&i| set.insert(i));
+    elements
+}
+
 /// Refines the old `faces` of `before`, whose vertices are `verts`.
 fn refine_excerpt(
     before: &Mesh,
@@ -205,24 +212,17 @@ fn refine_excerpt(
         None => verts.rank(v).map_or(Vert::NONE, Vert::new),
     };
 
+    let pieces: Vec<Piece> =
+        faces.par_chunks(CHUNK).map(|faces| refine_piece(before, split, faces, own)).collect();
     let n_faces = faces.len() + split.children.len() - split.faces.len();
     let (mut corners, mut parents) = (Vec::with_capacity(n_faces), Vec::with_capacity(n_faces));
     let mut places = Vec::with_capacity(3 * n_faces);
     let mut children = Vec::with_capacity(split.children.len());
-    let mut splits = split.faces.iter().enumerate().peekable();
-    for &f in faces {
-        let Some((i, _)) = splits.next_if(|&(_, &g)| g == f) else {
-            corners.push(before.corners(f).map(own));
-            places.extend([0, 1, 2].map(Place::Corner));
-            parents.push(f);
-            continue;
-        };
-        for child in split.children(i) {
-            children.push(Face::new(corners.len()));
-            corners.push(child.map(|(v, _)| own(v)));
-            places.extend(child.map(|(_, place)| place));
-            parents.push(f);
-        }
+    for piece in pieces {
+        children.extend(piece.children.iter().map(|i| Face::new(corners.len() + i)));
+        corners.extend(piece.corners);
+        places.extend(piece.places);
+        parents.extend(piece.parents);
     }
     Refined {
         mesh: Mesh::of_valid_parts(points, corners),
@@ -231,4 +231,37 @@ fn refine_excerpt(
         middles: split.middles.clone(),
         children,
     }
+}
+
+/// Some refined faces.
+#[derive(Default)]
+struct Piece {
+    corners: Vec<[Vert; 3]>,
+    /// Three of each.
+    places: Vec<Place>,
+    parents: Vec<Face>,
+    /// Which of them are children of split faces.
+    children: Vec<usize>,
+}
+
+/// Refines some `faces`. `own` says which vertex of the excerpt one of the refined mesh is.
+fn refine_piece(before: &Mesh, split: &Split, faces: &[Face], own: impl Fn(Vert) -> Vert) -> Piece {
+    let mut piece = Piece::default();
+    let first = faces.first().map_or(0, |f| split.faces.partition_point(|g| g < f));
+    let mut splits = split.faces.iter().enumerate().skip(first).peekable();
+    for &f in faces {
+        let Some((i, _)) = splits.next_if(|&(_, &g)| g == f) else {
+            piece.corners.push(before.corners(f).map(&own));
+            piece.places.extend([0, 1, 2].map(Place::Corner));
+            piece.parents.push(f);
+            continue;
+        };
+        for child in split.children(i) {
+            piece.children.push(piece.corners.len());
+            piece.corners.push(child.map(|(v, _)| own(v)));
+            piece.places.extend(child.map(|(_, place)| place));
+            piece.parents.push(f);
+        }
+    }
+    piece
 }

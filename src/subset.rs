@@ -16,13 +16,17 @@ impl<I: Element> Subset<I> {
     /// The elements of `members`, of `n` that there are.
     pub(crate) fn of(n: usize, members: impl IntoIterator<Item = I>) -> Self {
         let mut set = Self { words: vec![0; n.div_ceil(64)], kind: PhantomData };
-        members.into_iter().for_each(|i| set.insert(i));
+        members.into_iter().for_each(|i| _ = set.insert(i));
         set
     }
 
+    /// Whether it was no member before.
     #[inline]
-    pub(crate) fn insert(&mut self, i: I) {
-        self.words[i.at() / 64] |= 1 << (i.at() % 64);
+    pub(crate) fn insert(&mut self, i: I) -> bool {
+        let (word, bit) = (&mut self.words[i.at() / 64], 1 << (i.at() % 64));
+        let is_new = *word & bit == 0;
+        *word |= bit;
+        is_new
     }
 
     #[inline]

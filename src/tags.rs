@@ -35,12 +35,9 @@ impl Tags {
     /// tagged in any case.
     #[must_use]
     pub fn new(sharp: impl IntoIterator<Item = [Vert; 2]>, tagged: impl IntoIterator<Item = Vert>) -> Self {
-        let mut sharp: Vec<_> = sharp.into_iter().map(|[a, b]| [a.min(b), a.max(b)]).collect();
-        sharp.retain(|[a, b]| a != b);
-        sharp.sort_unstable();
-        sharp.dedup();
+        let sharp = in_order(sharp.into_iter().collect());
         let mut tagged: Vec<_> = tagged.into_iter().chain(sharp.iter().flatten().copied()).collect();
-        tagged.sort_unstable();
+        tagged.par_sort_unstable();
         tagged.dedup();
         Self { sharp, tagged }
     }
@@ -52,7 +49,7 @@ impl Tags {
         let is_sharp = |edge: &[Vert; 2]| edge.iter().all(|&v| tagged.contains(v));
         let edges = |&[a, b, c]: &[Vert; 3]| [[a, b], [b, c], [c, a]].into_iter().filter(is_sharp);
         let sharp: Vec<_> = mesh.faces().par_iter().flat_map_iter(edges).collect();
-        Self::new(sharp, tagged.iter())
+        Self { sharp: in_order(sharp), tagged: tagged.iter().collect() }
     }
 
     /// Those of `candidates` that are edges of `mesh` and bend it by at least [`MIN_SHARP_ANGLE`]. An
@@ -62,17 +59,17 @@ impl Tags {
         let candidates = Self::new(candidates, []);
         let is_end = Subset::of(mesh.n_verts(), candidates.tagged.iter().copied());
         // One pass over the faces finds those beside each candidate, without the mesh's twins.
-        let mut beside: Vec<([Vert; 2], Face)> = Vec::new();
-        let has_end = |f: &Face| mesh.corners(*f).into_iter().any(|v| is_end.contains(v));
-        let near: Vec<Face> = (0..mesh.n_faces()).into_par_iter().map(Face::new).filter(has_end).collect();
-        for f in near {
+        let is_candidate = |edge: &[Vert; 2]| {
+            edge.iter().all(|&v| is_end.contains(v)) && candidates.sharp.binary_search(edge).is_ok()
+        };
+        let candidates_of = |f: Face| {
             let edges = f.halves().map(|h| [mesh.from(h).min(mesh.to(h)), mesh.from(h).max(mesh.to(h))]);
-            let is_candidate = |edge: &[Vert; 2]| {
-                edge.iter().all(|&v| is_end.contains(v)) && candidates.sharp.binary_search(edge).is_ok()
-            };
-            beside.extend(edges.into_iter().filter(is_candidate).map(|edge| (edge, f)));
-        }
-        beside.sort_unstable();
+            edges.into_iter().filter(is_candidate).map(move |edge| (edge, f))
+        };
+        let has_end = |f: &Face| mesh.corners(*f).into_iter().any(|v| is_end.contains(v));
+        let near = (0..mesh.n_faces()).into_par_iter().map(Face::new).filter(has_end);
+        let mut beside: Vec<([Vert; 2], Face)> = near.flat_map_iter(candidates_of).collect();
+        beside.par_sort_unstable();
         let normal = |f: Face| unit_normal(mesh.triangle(f));
         let bends = |edge: &&[([Vert; 2], Face)]| match **edge {
             [(_, f), (_, g)] => match (normal(f), normal(g)) {
@@ -124,6 +121,15 @@ impl Tags {
         directed.sort_unstable();
         directed
     }
+}
+
+/// Edges with the lower vertex first, ascending, each once; without those from a vertex to itself.
+fn in_order(mut edges: Vec<[Vert; 2]>) -> Vec<[Vert; 2]> {
+    edges.retain(|[a, b]| a != b);
+    edges.iter_mut().for_each(|[a, b]| (*a, *b) = (*a.min(b), *a.max(b)));
+    edges.par_sort_unstable();
+    edges.dedup();
+    edges
 }
 
 /// Tags the edges with two faces that meet at a dihedral angle of `radians` or more: the sharp edges of a
