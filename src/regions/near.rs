@@ -10,8 +10,13 @@ use super::patch::REACH_IN_REGION;
 use super::surface::{CHUNK, Surface, corners_beside, neighbours};
 use crate::mesh::{Mesh, PerVert, Vert};
 
-/// The vertices that patches can reach, by numbers of their own in the order of the file: few enough to lie together
-/// in memory, however the file orders its vertices.
+/// Width of a cell in mean edge lengths: some ten vertices of a surface lie in one.
+const CELL: f64 = 3.0;
+/// From one vertex of the file to the next it is no farther than this, in mean edge lengths, mostly: it is in order.
+const LEAP: f64 = 6.0;
+
+/// The vertices that patches can reach, by numbers of their own: those of near vertices are near, however the file
+/// orders them, so that a patch lies together in memory.
 #[derive(Default)]
 pub(super) struct Near {
     /// The number of each vertex, `u32::MAX` if it is not near. `[V]`
@@ -34,8 +39,8 @@ impl Near {
     pub fn around(surface: &Surface, centres: &[Vert]) -> Self {
         let mesh = surface.mesh;
         let mut of = find(mesh, centres, (REACH_IN_REGION * surface.h).powi(2));
-        let verts: Vec<Vert> =
-            (0..mesh.n_verts()).into_par_iter().map(Vert::new).filter(|&v| of[v] != u32::MAX).collect();
+        let near = (0..mesh.n_verts()).into_par_iter().map(Vert::new).filter(|&v| of[v] != u32::MAX);
+        let verts = along_a_curve(mesh, surface.h, near.collect());
         verts.iter().zip(0..).for_each(|(&v, number)| of[v] = number);
         let (starts, neighbours) = neighbour_numbers(mesh, &verts, &of);
         let normal = |v: Vert| {
@@ -52,6 +57,37 @@ impl Near {
     pub fn neighbours(&self, i: u32) -> &[u32] {
         &self.neighbours[self.starts[i as usize] as usize..self.starts[i as usize + 1] as usize]
     }
+}
+
+/// `verts` in the order of a curve that fills space, so that what is near has a near number: it goes from cell to
+/// cell, [`CELL`] wide, in the order of Morton (1966).
+///
+/// Where the file has them in such an order already, its own is as good: on marching cubes fits are made 6 % faster by
+/// the curve, and all that reads the mesh is slower; in a shuffled file fits are made in half of the time.
+fn along_a_curve(mesh: &Mesh, h: f64, verts: Vec<Vert>) -> Vec<Vert> {
+    let is_leap = |pair: &&[Vert]| mesh.point(pair[0]).distance_squared(mesh.point(pair[1])) > (LEAP * h).powi(2);
+    let n_leaps = verts.par_windows(2).filter(is_leap).count();
+    if 2 * n_leaps < verts.len() {
+        return verts;
+    }
+    let low = verts.par_iter().map(|&v| mesh.point(v)).reduce(|| DVec3::INFINITY, DVec3::min);
+    let code = |v: Vert| {
+        let cell = (mesh.point(v) - low) / (CELL * h);
+        spread(cell.x as u64) | spread(cell.y as u64) << 1 | spread(cell.z as u64) << 2
+    };
+    let mut coded: Vec<(u64, Vert)> = verts.par_iter().map(|&v| (code(v), v)).collect();
+    coded.par_sort_unstable();
+    coded.into_iter().map(|(_, v)| v).collect()
+}
+
+/// The lowest 21 bits of `i`, two places left free between each.
+fn spread(i: u64) -> u64 {
+    let i = i.min((1 << 21) - 1);
+    let i = (i | i << 32) & 0x001f_0000_0000_ffff;
+    let i = (i | i << 16) & 0x001f_0000_ff00_00ff;
+    let i = (i | i << 8) & 0x100f_00f0_0f00_f00f;
+    let i = (i | i << 4) & 0x10c3_0c30_c30c_30c3;
+    (i | i << 2) & 0x1249_2492_4924_9249
 }
 
 /// The numbers of those neighbours of `verts` that have one, one list after the other, and where the lists begin.

@@ -5,6 +5,7 @@ use std::ops::Range;
 use glam::DVec3;
 
 use super::Surface;
+use super::near::Near;
 use crate::mesh::Vert;
 
 /// Every vertex this far (in h) from the centre is in the patch. By distance and not by rings: on slivers
@@ -49,7 +50,7 @@ pub(super) struct Member {
 #[derive(Clone)]
 pub(super) struct Cluster {
     members: Range<usize>,
-    nearest: u32,
+    nearest: Vert,
     nearest_squared: f64,
 }
 
@@ -138,14 +139,14 @@ impl Patch {
     /// Makes a cluster of the members of regions that are joined to `seed` (known already) within reach, and
     /// notes the other vertices beside it.
     fn flood_region(&mut self, surface: &Surface, regions: &impl Regions, centre: u32, seed: u32) {
-        let points = &surface.near.points;
+        let Near { verts, points, .. } = &surface.near;
         let reach = (REACH * surface.h).powi(2);
         let reach_in_region = (REACH_IN_REGION * surface.h).powi(2);
         let origin = points[centre as usize];
         let offset = points[seed as usize] - origin;
         let first = self.members.len();
         let mut next = first;
-        let (mut nearest, mut nearest_squared) = (seed, offset.length_squared());
+        let (mut nearest, mut nearest_squared) = (verts[seed as usize], offset.length_squared());
         self.members.push(Member { near: seed, offset });
         while let Some(&Member { near, .. }) = self.members.get(next) {
             for &i in surface.near.neighbours(near) {
@@ -169,8 +170,9 @@ impl Patch {
                 self.known.insert(i);
                 if is_member {
                     self.members.push(Member { near: i, offset });
-                    if (squared, i) < (nearest_squared, nearest) {
-                        (nearest, nearest_squared) = (i, squared);
+                    let vert = verts[i as usize];
+                    if squared < nearest_squared || squared == nearest_squared && vert < nearest {
+                        (nearest, nearest_squared) = (vert, squared);
                     }
                 } else {
                     self.doubtful.push(i);

@@ -59,7 +59,9 @@ pub(super) fn moves(surface: &Surface, fits: &VertexFits, chamfers: &[Half]) -> 
         is_off.then(|| (v, surface.mesh.point(v) + surface.h * fit.displacement * fit.normal))
     };
     let zone = near.verts.iter().zip(is_in_zone).filter(|&(_, is_in)| is_in);
-    zone.filter_map(|(v, _)| onto_fit(v)).collect()
+    let mut moves: Vec<(Vert, DVec3)> = zone.filter_map(|(v, _)| onto_fit(v)).collect();
+    moves.sort_unstable_by_key(|&(v, _)| v);
+    moves
 }
 
 /// Places a new vertex on every chamfer edge and in every corner triangle of `labels`: where the fits of
