@@ -152,11 +152,7 @@ fn collapse(edit: &mut Edit<'_>, gone: Vert, kept: Vert) -> bool {
 /// Flips edge `a`-`b` of face `f` if that widens the smallest of the six angles.
 fn flip(edit: &mut Edit<'_>, f: Face, a: Vert, b: Vert) -> bool {
     let Some([_, g]) = edit.faces_beside(a, b).filter(|faces| faces[0] == f) else { return false };
-    let (c, d) = (edit.third(f, a, b), edit.third(g, a, b));
-    if c == d || edit.are_neighbours(c, d) {
-        return false;
-    }
-    let flipped = [[a, d, c], [d, b, c]];
+    let Some(flipped) = edit.flippable([f, g], a, b) else { return false };
     let narrowest = |triangles: [[Vert; 3]; 2]| {
         let angles = triangles.into_iter().flat_map(|t| inner_angles(t.map(|v| edit.point(v))));
         angles.fold(f64::INFINITY, f64::min)

@@ -207,9 +207,37 @@ impl<'m> Edit<'m> {
         neighbours.chunk_by(|a, b| a.0 == b.0).all(|edge| edge.len() == 2 && edge[0].1 != edge[1].1)
     }
 
+    /// Whether `t` is a face of the mesh that was refined, turned over. Edits may not make one: it would lie
+    /// on what that face became.
+    fn is_turned(&self, t: [Vert; 3]) -> bool {
+        let Lineage { parents, corners, .. } = &self.refined.lineage;
+        // The faces that `v` was a corner of, and which one.
+        let corners_at = |v: Vert| {
+            let number = move |&f: &Face| {
+                let i = self.refined.mesh.corners(f).iter().position(|&w| w == v)?;
+                Some((parents[f], corners[f.half(i)]))
+            };
+            self.rings.of(v).iter().filter_map(number)
+        };
+        let is_corner = |v: Vert, f: Face, i: u8| corners_at(v).any(|at| at == (f, Place::Corner(i % 3)));
+        corners_at(t[0]).any(|(f, place)| {
+            matches!(place, Place::Corner(i) if is_corner(t[1], f, i + 2) && is_corner(t[2], f, i + 1))
+        })
+    }
+
+    /// The triangles on the other diagonal of the quadrilateral of faces `f` and `g` beside `a`-`b`, that of
+    /// `a` first, if nothing joins its ends yet and neither is a face turned over.
+    pub(crate) fn flippable(&self, [f, g]: [Face; 2], a: Vert, b: Vert) -> Option<[[Vert; 3]; 2]> {
+        let (c, d) = (self.third(f, a, b), self.third(g, a, b));
+        let triangles = [[a, d, c], [d, b, c]];
+        let is_free = c != d && !self.are_neighbours(c, d);
+        (is_free && !triangles.into_iter().any(|t| self.is_turned(t))).then_some(triangles)
+    }
+
     /// The two faces that collapsing `gone` into `kept` would remove, if the surface stays a surface
     /// with the same borders: `gone` has no border or non-manifold edge, the two have exactly the two
-    /// opposite vertices as common neighbours (the link condition), and these keep three neighbours.
+    /// opposite vertices as common neighbours (the link condition), and these keep three neighbours. No face
+    /// may be turned over.
     pub(crate) fn collapsible(&self, gone: Vert, kept: Vert) -> Option<[Face; 2]> {
         let beside = self.faces_beside(gone, kept)?;
         let opposite = beside.map(|f| self.third(f, gone, kept));
@@ -218,7 +246,12 @@ impl<'m> Edit<'m> {
         }
         let (link, kept_link) = (self.link(gone), self.link(kept));
         let common = link.iter().filter(|v| kept_link.binary_search(v).is_ok()).count();
-        (common == 2 && self.is_surrounded(gone)).then_some(beside)
+        let moved = |&f: &Face| self.faces[f].map(|v| if v == gone { kept } else { v });
+        let turns = || {
+            let others = self.faces_at(gone).iter().filter(|f| !beside.contains(f));
+            others.map(moved).any(|t| self.is_turned(t))
+        };
+        (common == 2 && self.is_surrounded(gone) && !turns()).then_some(beside)
     }
 
     /// Removes `gone` and the two faces beside `gone`-`kept`, which [`collapsible`](Self::collapsible)
@@ -477,6 +510,31 @@ mod tests {
         let edited = edit.finish(&m, &inserts, |v| v).unwrap();
         assert_eq!(edited.mesh.corners(Face::new(1)), [v(1), v(2), v(3)]);
         assert_eq!(edited.now.as_slice(), [0, 1, 2, 3, 4, 5, 6].map(v));
+    }
+
+    //     2        The edge from 0 to 1 is split. Without the edge from 2 to 3 the two halves of face 2 0 1
+    //   / | \      have 2 1 0 at their back.
+    //  0--+--1
+    //   \ | /      3 in front, or 3 and 4
+    //     3
+    #[test]
+    fn no_edit_turns_a_face_over() {
+        let points = [[0., 0., 0.], [2., 0., 0.], [1., 2., 0.], [1., 0., 1.], [0., 0., 1.]];
+        let tetrahedron: &[[usize; 3]] = &[[2, 0, 1], [2, 1, 3], [2, 3, 0], [0, 3, 1]];
+        let pyramid: &[[usize; 3]] = &[[2, 0, 1], [2, 1, 3], [2, 3, 4], [2, 4, 0], [0, 3, 1], [0, 4, 3]];
+        for (faces, kept, flipped) in [(tetrahedron, 0, None), (pyramid, 4, Some([[2, 1, 4], [1, 3, 4]]))] {
+            let n_old = faces.len() / 2 + 2;
+            let m = mesh(&points[..n_old], faces);
+            let split = m.edge(m.half_between(v(0), v(1)).unwrap());
+            let refined = refine(&m, &Inserts::in_the_middle(&m, |h| m.edge(h) == split, &[])).unwrap();
+            let is_whole = all_whole(&refined.mesh);
+            let edit = Edit::new(&refined, n_old, &is_whole);
+            let beside = edit.faces_beside(v(2), v(3)).unwrap();
+            assert_eq!(edit.flippable(beside, v(2), v(3)), flipped.map(|f| f.map(|t| t.map(v))));
+            assert_eq!(edit.collapsible(v(3), v(kept)).is_some(), flipped.is_some());
+            assert!(edit.is_turned([v(2), v(1), v(0)]) && edit.is_turned([v(0), v(2), v(1)]));
+            assert!(!edit.is_turned([v(2), v(0), v(1)]) && !edit.is_turned([v(2), v(1), v(n_old)]));
+        }
     }
 
     #[test]

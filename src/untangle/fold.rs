@@ -57,16 +57,13 @@ impl Zone<'_, '_, '_> {
     /// Flips edge `a`-`b` of `f` if the largest of the five dihedral angles round it falls.
     fn flip_fold(&mut self, f: Face, a: Vert, b: Vert, busy: &mut Vec<Face>) -> bool {
         let Some([_, g]) = self.edit.faces_beside(a, b).filter(|beside| beside[0] == f) else { return false };
-        let (c, d) = (self.edit.third(f, a, b), self.edit.third(g, a, b));
-        if c == d || self.edit.are_neighbours(c, d) {
-            return false;
-        }
+        let Some(triangles) = self.edit.flippable([f, g], a, b) else { return false };
+        let [_, d, c] = triangles[0];
         let sides = [(a, d), (d, b), (b, c), (c, a)];
         let across = sides.map(|(p, q)| self.beside(p, q).find(|&h| h != f && h != g));
         if [Some(f), Some(g)].iter().chain(&across).flatten().any(|h| busy.contains(h)) {
             return false;
         }
-        let triangles = [[a, d, c], [d, b, c]];
         let points = triangles.map(|t| t.map(|v| self.edit.point(v)));
         let [Some(n), Some(m)] = points.map(unit_normal) else { return false };
         if points.into_iter().any(is_sliver) {

@@ -217,12 +217,11 @@ impl Zone<'_, '_, '_> {
         }
         let [_, g] =
             self.edit.faces_beside(a, b).filter(|beside| beside[0] == f && self.in_zone(beside[1]))?;
-        let (c, d) = (self.edit.third(f, a, b), self.edit.third(g, a, b));
         let has_three = |v: Vert| !self.edit.has_four_neighbours(v);
-        if c == d || self.edit.are_neighbours(c, d) || has_three(a) || has_three(b) {
+        if has_three(a) || has_three(b) {
             return None;
         }
-        let triangles = [[a, d, c], [d, b, c]];
+        let triangles = self.edit.flippable([f, g], a, b)?;
         let points = triangles.map(|t| t.map(|v| self.edit.point(v)));
         let old = self.value_of(f) + self.value_of(g);
         let mut best: Option<(f64, [Face; 2])> = None;

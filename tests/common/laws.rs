@@ -86,8 +86,8 @@ fn has_doubled_faces(mesh: &Mesh) -> bool {
 }
 
 /// A face of `new` that runs round the corners of a face of `old` the other way, where each mesh has one face
-/// with these corners only.
-fn turned_face(old: &Mesh, new: &Mesh) -> Option<[Vert; 3]> {
+/// with these corners only, and where none of them was `replaced`: another vertex has its index now.
+fn turned_face(old: &Mesh, new: &Mesh, replaced: &[usize]) -> Option<[Vert; 3]> {
     let mut ways: BTreeMap<[Vert; 3], [Vec<bool>; 2]> = BTreeMap::new();
     for (i, mesh) in [old, new].into_iter().enumerate() {
         for f in mesh.faces().iter().filter(|[a, b, c]| a != b && b != c && c != a) {
@@ -97,8 +97,9 @@ fn turned_face(old: &Mesh, new: &Mesh) -> Option<[Vert; 3]> {
             ways.entry(sorted).or_default()[i].push(is_ascending);
         }
     }
+    let is_same = |face: &[Vert; 3]| !face.iter().any(|v| replaced.contains(&v.index()));
     let is_turned = |ways: &[Vec<bool>; 2]| ways.iter().all(|way| way.len() == 1) && ways[0] != ways[1];
-    ways.into_iter().find(|(_, ways)| is_turned(ways)).map(|(face, _)| face)
+    ways.into_iter().find(|(face, ways)| is_same(face) && is_turned(ways)).map(|(face, _)| face)
 }
 
 /// The bits of points.
@@ -138,7 +139,7 @@ pub fn obey_laws(mesh: &Mesh, options: &Options) -> Sharpened {
         assert_eq!(after, before, "another surface");
     }
 
-    if let Some(turned) = turned_face(mesh, new) {
+    if let Some(turned) = turned_face(mesh, new, &report.replaced_vertices) {
         panic!("face {turned:?} is turned over");
     }
 
