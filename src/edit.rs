@@ -210,6 +210,9 @@ impl<'m> Edit<'m> {
     /// Whether `t` is a face of the mesh that was refined, turned over. Edits may not make one: it would lie
     /// on what that face became.
     fn is_turned(&self, t: [Vert; 3]) -> bool {
+        if t.iter().any(|&v| self.is_inserted(v)) {
+            return false;
+        }
         let Lineage { parents, corners, .. } = &self.refined.lineage;
         // The faces that `v` was a corner of, and which one.
         let corners_at = |v: Vert| {

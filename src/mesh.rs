@@ -310,10 +310,12 @@ impl Mesh {
     /// When a face names a vertex that does not exist, or the index type cannot count the elements.
     pub fn new(points: Vec<DVec3>, faces: Vec<[Vert; 3]>) -> Result<Self, MeshError> {
         check_size(points.len(), faces.len())?;
-        for (face, corners) in faces.iter().enumerate() {
-            if let Some(v) = corners.iter().find(|v| v.index() >= points.len()) {
-                return Err(MeshError::NoSuchVertex { face, vertex: v.index(), vertices: points.len() });
-            }
+        let is_wrong = |v: &Vert| v.index() >= points.len();
+        let first_wrong = |faces: &[[Vert; 3]]| faces.iter().position(|face| face.iter().any(is_wrong));
+        if !faces.par_chunks(CHUNK).all(|faces| first_wrong(faces).is_none()) {
+            let face = first_wrong(&faces).unwrap_or(0);
+            let vertex = faces[face].iter().find(|v| is_wrong(v)).map_or(0, |v| v.index());
+            return Err(MeshError::NoSuchVertex { face, vertex, vertices: points.len() });
         }
         Ok(Self::of_valid_parts(points, faces))
     }

@@ -65,7 +65,8 @@ impl Near {
 /// Where the file has them in such an order already, its own is as good: on marching cubes fits are made 6 % faster by
 /// the curve, and all that reads the mesh is slower; in a shuffled file fits are made in half of the time.
 fn along_a_curve(mesh: &Mesh, h: f64, verts: Vec<Vert>) -> Vec<Vert> {
-    let is_leap = |pair: &&[Vert]| mesh.point(pair[0]).distance_squared(mesh.point(pair[1])) > (LEAP * h).powi(2);
+    let is_leap =
+        |pair: &&[Vert]| mesh.point(pair[0]).distance_squared(mesh.point(pair[1])) > (LEAP * h).powi(2);
     let n_leaps = verts.par_windows(2).filter(is_leap).count();
     if 2 * n_leaps < verts.len() {
         return verts;
