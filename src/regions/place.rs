@@ -1,5 +1,7 @@
 //! Where vertices go: samples onto their fit, new vertices to where fits meet (steps 9 to 11).
 
+mod corners;
+
 use glam::DVec3;
 use rayon::prelude::*;
 
@@ -150,30 +152,6 @@ impl Placing<'_> {
             (false, false) => Outcome::TooFar,
         };
         Found { point: if outcome == Outcome::Moved { point } else { centre }, outcome, is_mixed }
-    }
-
-    /// Puts the vertices on the edges of a corner triangle onto its corner where they have no place of
-    /// their own, or one on a mixed strip; untangling then merges them.
-    fn join_corners(&self, inserts: &Inserts, on_edges: &mut [Found], in_corners: &[Found]) {
-        let mut nearest: Vec<(usize, f64, DVec3)> = Vec::new();
-        for (&f, corner) in self.labels.corner_faces.iter().zip(in_corners) {
-            for h in f.halves().into_iter().filter(|_| corner.outcome == Outcome::Moved) {
-                let i = inserts.on_edge[h].index() - self.mesh.n_verts();
-                let (a, b) = (self.point(self.mesh.from(h)), self.point(self.mesh.to(h)));
-                let distance = corner.point.distance(a.midpoint(b));
-                let has_no_place = matches!(on_edges[i].outcome, Outcome::Mixed | Outcome::TooFar);
-                if (has_no_place || on_edges[i].is_mixed)
-                    && distance <= MAX_SHIFT_OF_GUESS * self.reach(a.distance(b))
-                {
-                    nearest.push((i, distance, corner.point));
-                }
-            }
-        }
-        // Of two corners the nearer one: it comes last, and stays.
-        nearest.sort_by(|x, y| x.0.cmp(&y.0).then(y.1.total_cmp(&x.1)));
-        for (i, _, point) in nearest {
-            on_edges[i] = Found { point, outcome: Outcome::AtCorner, ..on_edges[i] };
-        }
     }
 
     fn is_mixed(&self, [p, q]: [&Fit; 2], [a, b]: [DVec3; 2]) -> bool {
