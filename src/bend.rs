@@ -9,13 +9,14 @@
 //!
 //! Based on: Sharpen&Bend section 4.2; the stencils are in [`stencil`](crate::stencil).
 //! Differs: the papers' plain scheme folds meshes that are full of slivers. Here a new vertex goes only as
-//! far as its neighbourhood vouches for, and retreats towards the middle where faces would turn over (see
-//! [`limit`]). Paper silent.
+//! far as its neighbourhood vouches for, retreats towards the middle where faces would turn over (see
+//! [`limit`]), and makes up for faces that are turned over already (see [`mend`]). Paper silent.
 //! In/out: `Mesh` + `Tags` -> `Bent`: old vertices first, in their order and where they were, then one
 //! new vertex per edge in the order of [`Mesh::edges`].
 //! Cost: O(F), parallel; rounds of the limiter look only at faces whose vertices moved.
 
 mod limit;
+mod mend;
 mod quarter;
 #[cfg(test)]
 mod tests;
@@ -59,6 +60,8 @@ pub struct BendCounts {
     pub shortened: usize,
     /// Those that retreated because a face would have turned over.
     pub retreated: usize,
+    /// Those that went elsewhere so that fewer children of a turned face are turned.
+    pub mended: usize,
 }
 
 /// A mesh after one level of bending.
@@ -109,6 +112,7 @@ pub fn bend(mesh: &Mesh, tags: &Tags, options: &BendOptions) -> Result<Bent, Mes
         let shifts = vouched_shifts(mesh, &stencils, &middles.edges, &mut counts);
         let mut draft = Draft::new(mesh, &stencils, &middles, shifts);
         counts.retreated = draft.retreat();
+        counts.mended = draft.mend();
         let draft = draft.into_settled();
         drop(stencils);
         middles.split(mesh, |slot, h| draft.point(mesh, slot, h))?

@@ -32,7 +32,7 @@ const MAX_OFF_SURFACE_COS: f64 = std::f64::consts::FRAC_1_SQRT_2;
 /// No two children may fold by more than this on their common edge, 150 degrees, or than their parents do.
 /// A measured fold is 170 degrees: what comes near may become one at the next level. It costs up to 0.2
 /// percentage points of L2 (cylinder mi_8k .570, without .568).
-const MAX_FOLD_COS: f64 = -0.866_025_403_784_438_6;
+pub(super) const MAX_FOLD_COS: f64 = -0.866_025_403_784_438_6;
 
 /// What is left of a new vertex's way after so many objections.
 const WAY_LEFT: [f64; 4] = [1.0, 0.5, 0.25, 0.0];
@@ -61,12 +61,12 @@ enum Motion {
 
 /// New vertices on their way from the middles of their edges to where they want to be.
 pub(super) struct Draft<'a> {
-    mesh: &'a Mesh,
-    stencils: &'a Stencils<'a>,
-    middles: &'a Middles,
-    settled: Settled,
+    pub mesh: &'a Mesh,
+    pub stencils: &'a Stencils<'a>,
+    pub middles: &'a Middles,
+    pub settled: Settled,
     /// The cross product of two edges of each face. `[F]`
-    areas: PerFace<DVec3>,
+    pub areas: PerFace<DVec3>,
 }
 
 /// Where new vertices are.
@@ -83,8 +83,15 @@ impl Settled {
         mesh.point(mesh.from(h)).midpoint(mesh.point(mesh.to(h))) + self.way(slot)
     }
 
-    fn way(&self, slot: usize) -> DVec3 {
+    /// How far it is from the middle.
+    pub fn way(&self, slot: usize) -> DVec3 {
         WAY_LEFT[usize::from(self.objections[slot])] * self.shifts[slot]
+    }
+
+    /// Sends it another way.
+    pub fn redirect(&mut self, slot: usize, way: DVec3) {
+        self.shifts[slot] = way;
+        self.objections[slot] = 0;
     }
 }
 
@@ -136,7 +143,8 @@ impl<'a> Draft<'a> {
         self.settled
     }
 
-    fn twins(&self, f: Face) -> impl Iterator<Item = Half> + '_ {
+    /// The half-edges across the edges of `f`.
+    pub fn twins(&self, f: Face) -> impl Iterator<Item = Half> + '_ {
         f.halves().into_iter().filter_map(|h| self.mesh.twin(h))
     }
 
@@ -250,18 +258,22 @@ impl<'a> Draft<'a> {
 
     /// The cross products of two edges of each child of `f`: of those at its three corners, then of the
     /// inner one.
-    fn children(&self, f: Face) -> [DVec3; 4] {
+    pub fn children(&self, f: Face) -> [DVec3; 4] {
+        self.triangles(f).map(|[p, q, r]| (q - p).cross(r - p))
+    }
+
+    /// The corners of each child, in the same order.
+    pub fn triangles(&self, f: Face) -> [[DVec3; 3]; 4] {
         let [a, b, c] = self.mesh.triangle(f);
         let way = |h: Half| self.middles.slot(h).map_or(DVec3::ZERO, |slot| self.settled.way(slot));
         let [x, y, z] = f.halves().map(way);
         let (x, y, z) = (a.midpoint(b) + x, b.midpoint(c) + y, c.midpoint(a) + z);
-        let area = |p: DVec3, q: DVec3, r: DVec3| (q - p).cross(r - p);
-        [area(a, x, z), area(b, y, x), area(c, z, y), area(x, y, z)]
+        [[a, x, z], [b, y, x], [c, z, y], [x, y, z]]
     }
 }
 
 /// Whether the angle between `a` and `b` is at most that of the cosine; zero has none and is within any.
-fn is_within(cosine: f64, a: DVec3, b: DVec3) -> bool {
+pub(super) fn is_within(cosine: f64, a: DVec3, b: DVec3) -> bool {
     a.dot(b) >= cosine * (a.length() * b.length())
 }
 
