@@ -18,6 +18,7 @@
 //! In/out: `Mesh` + face normals `[F]` + `Labels` (smooth edges, interior vertices) -> `RegionLabels`.
 //! Cost: O(V) plus some 10 microseconds per doubtful vertex, in parallel.
 
+mod ends;
 mod fade;
 mod fits;
 mod gates;
@@ -198,6 +199,7 @@ pub fn label_by_fits(mesh: &Mesh, face_normals: &PerFace<DVec3>, labels: &Labels
     let mut candidates = chamfer_edges(&surface, &fits);
     let (mut strip_of, mut strips) = gates::judge_strips(&surface, &fits, &candidates, noise);
     let off_surface = gates::off_surface(&surface, &fits, &kept(&candidates, &strip_of, &strips));
+    ends::cancel_short_branches(&surface, &fits, &candidates, &mut strip_of, &mut strips, noise);
     if fade::can_follow(noise, off_surface.is_likely()) {
         fade::follow(&surface, &fits, &mut candidates, &mut strip_of, &mut strips);
     }

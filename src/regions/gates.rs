@@ -222,7 +222,7 @@ fn group_by_triangles(mesh: &Mesh, edges: &[Half]) -> (Vec<u32>, usize) {
 
 /// What is summed up over the edges of a strip.
 #[derive(Clone, Default)]
-struct Sums {
+pub(super) struct Sums {
     n_edges: usize,
     displacement: f64,
     rms: f64,
@@ -232,7 +232,7 @@ struct Sums {
 }
 
 impl Sums {
-    fn add(&mut self, surface: &Surface, fits: &VertexFits, h: Half) {
+    pub fn add(&mut self, surface: &Surface, fits: &VertexFits, h: Half) {
         let ends = [surface.mesh.from(h), surface.mesh.to(h)];
         let (Some(p), Some(q)) = (fits.get(ends[0]), fits.get(ends[1])) else { return };
         self.n_edges += 1;
@@ -253,7 +253,7 @@ impl Sums {
         }
     }
 
-    fn strip(&self, noise: f64) -> Strip {
+    pub fn strip(&self, noise: f64) -> Strip {
         let n_ends = (2 * self.n_edges).max(1) as f64;
         let mut strip = Strip {
             n_edges: self.n_edges,
