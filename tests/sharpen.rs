@@ -120,6 +120,19 @@ fn tags_survive_collapses_compaction_and_every_level_of_bending() {
     }
 }
 
+#[test]
+fn a_sharpened_mesh_is_bent_by_its_sharp_edges_as_it_is_at_once() {
+    let sampled = bracket("bracket_mc.obj");
+    let sharpened = sharpen(&sampled, &Options::default()).unwrap();
+    let at_once = sharpen(&sampled, &Options { bend: 2, ..Options::default() }).unwrap();
+    let sharp_edges = sharpened.tags.sharp_edges().to_vec();
+    let alone = Options { sharpen: false, sharp_edges, bend: 2, ..Options::default() };
+    let bent = sharpen(&sharpened.mesh, &alone).unwrap();
+    assert_eq!(bits(bent.mesh.points()), bits(at_once.mesh.points()));
+    assert_eq!(bent.mesh.faces(), at_once.mesh.faces());
+    assert_eq!(bent.tags, at_once.tags);
+}
+
 fn euler(mesh: &Mesh) -> i64 {
     let used = mesh.verts().filter(|&v| !mesh.leaving(v).is_empty()).count();
     used as i64 - mesh.edges().count() as i64 + mesh.n_faces() as i64
