@@ -240,8 +240,8 @@ pub enum MeshError {
         /// How many vertices there are.
         vertices: usize,
     },
-    /// More elements than the 32-bit index type can count.
-    #[error("{count} {what} are more than the {limit} that the index type holds")]
+    /// More elements than the 32-bit index type can count, or more faces than the caller allows.
+    #[error("{count} {what} are more than the {limit} that {}", whose(*limit))]
     TooLarge {
         /// What there are too many of.
         what: &'static str,
@@ -250,6 +250,15 @@ pub enum MeshError {
         /// How many there may be.
         limit: usize,
     },
+}
+
+/// Who sets a limit to the number of faces or vertices.
+fn whose(limit: usize) -> &'static str {
+    if limit == MAX_FACES || limit == MAX_VERTS {
+        "the index type holds"
+    } else {
+        "are allowed (--max-faces)"
+    }
 }
 
 /// Most faces that a mesh can have: three half-edges of each must fit below [`Half::NONE`].

@@ -2,11 +2,15 @@
 
 mod common;
 
+use std::collections::BTreeSet;
+use std::path::Path;
+
 use common::{chamfered_cube, sphere, zoo};
 use glam::DVec3;
 use sharpen::classify::SmoothThreshold;
 use sharpen::mesh::Vert;
 use sharpen::place::Outcome;
+use sharpen::tags::{Tags, tags_by_dihedral};
 use sharpen::{Mesh, Method, Options, Sharpened, sharpen};
 
 const METHODS: [Method; 3] = [Method::Regions, Method::Filters, Method::Paper];
@@ -62,6 +66,71 @@ fn the_sharp_edges_of_a_cube_are_its_twelve_edges() {
     let length = |&[a, b]: &[Vert; 2]| sharpened.mesh.point(a).distance(sharpened.mesh.point(b));
     let total: f64 = sharpened.tags.sharp_edges().iter().map(length).sum();
     assert!((total - 24.0).abs() < 1e-9, "{total}");
+}
+
+fn bracket(name: &str) -> Mesh {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("testdata").join(name);
+    let model = sharpen::io::read(&path).unwrap();
+    Mesh::new(model.points, model.faces).unwrap()
+}
+
+fn total_length(mesh: &Mesh, tags: &Tags) -> f64 {
+    tags.sharp_edges().iter().map(|&[a, b]| mesh.point(a).distance(mesh.point(b))).sum()
+}
+
+#[test]
+fn tags_survive_collapses_compaction_and_every_level_of_bending() {
+    let (exact, sampled) = (bracket("bracket.obj"), bracket("bracket_mc.obj"));
+    let true_length = total_length(&exact, &tags_by_dihedral(&exact, 30f64.to_radians()));
+    for method in METHODS {
+        let at_level = |bend| sharpen(&sampled, &Options { method, bend, ..Options::default() }).unwrap();
+        let mut before = at_level(0);
+        let replaced = &before.report.replaced_vertices;
+        let stand_in_slots = |v: &&usize| before.tags.tagged().contains(&Vert::new(**v));
+        assert!(replaced.iter().any(|v| stand_in_slots(&v)), "{method:?}: no new vertex in an old slot");
+        if method == Method::Regions {
+            let length = total_length(&before.mesh, &before.tags);
+            assert!((length / true_length - 1.0).abs() < 0.01, "{length} of {true_length}");
+        }
+        for level in 1..=2 {
+            let bent = at_level(level);
+            let (edges, tagged) = (bent.tags.sharp_edges(), bent.tags.tagged());
+            assert_eq!(edges.len(), 2 * before.tags.sharp_edges().len(), "{method:?}, level {level}");
+            assert!(before.tags.tagged().iter().all(|v| tagged.binary_search(v).is_ok()));
+            assert!(
+                edges.iter().all(|&[a, b]| {
+                    bent.mesh.half_between(a, b).or(bent.mesh.half_between(b, a)).is_some()
+                })
+            );
+            // Each edge has become two, from its ends to what is new between them.
+            let n = before.mesh.n_verts();
+            let halves = |v: Vert| edges.iter().filter(move |edge| edge.contains(&v));
+            let ends = |v: usize| {
+                let mut ends: Vec<_> = halves(Vert::new(v)).map(|edge| edge[0]).collect();
+                ends.sort_unstable();
+                ends
+            };
+            let new: BTreeSet<usize> = edges.iter().map(|edge| edge[1].index()).collect();
+            assert!(new.iter().all(|&v| v >= n), "{method:?}, level {level}");
+            let parents: BTreeSet<Vec<Vert>> = new.into_iter().map(ends).collect();
+            let expected = before.tags.sharp_edges().iter().map(|edge| edge.to_vec());
+            assert!(parents.into_iter().eq(expected.collect::<BTreeSet<_>>()), "{method:?}, level {level}");
+            before = bent;
+        }
+    }
+}
+
+#[test]
+fn a_sharpened_mesh_is_bent_by_its_sharp_edges_as_it_is_at_once() {
+    let sampled = bracket("bracket_mc.obj");
+    let sharpened = sharpen(&sampled, &Options::default()).unwrap();
+    let at_once = sharpen(&sampled, &Options { bend: 2, ..Options::default() }).unwrap();
+    let sharp_edges = sharpened.tags.sharp_edges().to_vec();
+    let alone = Options { sharpen: false, sharp_edges, bend: 2, ..Options::default() };
+    let bent = sharpen(&sharpened.mesh, &alone).unwrap();
+    assert_eq!(bits(bent.mesh.points()), bits(at_once.mesh.points()));
+    assert_eq!(bent.mesh.faces(), at_once.mesh.faces());
+    assert_eq!(bent.tags, at_once.tags);
 }
 
 fn euler(mesh: &Mesh) -> i64 {

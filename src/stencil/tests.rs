@@ -275,6 +275,43 @@ fn a_sharp_edge_alone_or_between_corners_is_halved() {
 }
 
 #[test]
+fn curves_end_in_corners_of_three_and_more() {
+    // Row, column and diagonal start in (4,4); then its other diagonal as well.
+    let row = chain(&[4, 5, 6, 7].map(|i| at(i, 4)));
+    let column = chain(&[4, 5, 6, 7].map(|j| at(4, j)));
+    let back = chain(&[4, 3, 2, 1].map(|i| at(i, i)));
+    let three = [row, column, back].concat();
+    let four = [three.clone(), chain(&[4, 3, 2, 1].map(|i| at(i, 4)))].concat();
+    for corner in [&three, &four] {
+        let first = [[at(4, 4), at(5, 4)], [at(4, 4), at(4, 5)], [at(3, 3), at(4, 4)]];
+        assert_exact(corner, &first, Rule::R6, linear);
+        assert_exact(corner, &[[at(5, 4), at(6, 4)]], Rule::R2, cubic);
+        // A sector of two triangles between two of them: its spoke is halved.
+        let halved = [(at(4, 4), 0.5), (at(5, 5), 0.5)];
+        assert_weights(weights(&lattice(false, linear), corner, [at(4, 4), at(5, 5)]), Rule::E1, halved);
+    }
+    // A sector of one triangle, between (3,3) and (3,4), has no spoke: only the edge across from the corner.
+    assert_exact(&four, &[[at(3, 3), at(3, 4)]], Rule::R4, quadratic);
+}
+
+#[test]
+fn a_sharp_line_may_end_on_a_border_and_run_beside_one() {
+    // The row ends on the border in (0,4), which is a corner for all three of its cut edges.
+    let row = chain(&[0, 1, 2, 3, 4].map(|i| at(i, 4)));
+    let cut = [[at(0, 4), at(1, 4)], [at(0, 4), at(0, 5)], [at(0, 3), at(0, 4)]];
+    assert_exact(&row, &cut, Rule::R6, linear);
+    let halved = [(at(0, 4), 0.5), (at(1, 5), 0.5)];
+    assert_weights(weights(&lattice(false, linear), &row, [at(0, 4), at(1, 5)]), Rule::E1, halved);
+    // Beside the border, a strip one edge wide.
+    let beside = chain(&[1, 2, 3, 4, 5, 6, 7].map(|i| at(i, 1)));
+    assert_exact(&beside, &[[at(4, 0), at(4, 1)], [at(4, 0), at(5, 1)]], Rule::R5, linear);
+    assert_exact(&beside, &[[at(4, 1), at(4, 2)]], Rule::R3, quadratic);
+    // From the border into the surface, along a diagonal: next to the corner a sharp and a border edge meet.
+    let diagonal = chain(&[4, 5, 6, 7].map(|i| at(i, i - 4)));
+    assert_exact(&diagonal, &[[at(5, 0), at(5, 1)]], Rule::R4, quadratic);
+}
+
+#[test]
 fn a_dead_end_is_interior() {
     let line = chain(&[4, 5, 6, 7].map(|i| at(i, 4)));
     for edge in [[at(4, 4), at(4, 5)], [at(3, 4), at(4, 4)], [at(3, 3), at(4, 4)]] {
