@@ -24,6 +24,7 @@ mod fits;
 mod gates;
 mod grow;
 mod label;
+mod moves;
 mod near;
 mod noise;
 mod patch;
@@ -210,7 +211,7 @@ pub fn label_by_fits(mesh: &Mesh, face_normals: &PerFace<DVec3>, labels: &Labels
         noise::fit_again(&surface, &mut fits, &zone);
         noise::moves(&surface, &fits, &zone)
     } else if off_surface.is_likely() {
-        place::moves(&surface, &fits, &chamfers)
+        moves::moves(&surface, &fits, &chamfers)
     } else {
         Vec::new()
     };
