@@ -26,8 +26,8 @@ const MIN_MOVE_IN_RMS: f64 = 6.0;
 /// inner side of its crease, where marching cubes puts samples, ...
 const MIN_MOVE_IN_RMS_IF_CLEAR: f64 = 3.0;
 /// ... and to stand out: a bias is common to all samples beside a crease. Their median displacement has to be below
-/// this share of its own. Of 29 countersink samples that lay on the surface 3 are still moved, and all but 2 of the
-/// blockhole's and cylinder's 19 that did not.
+/// this share of its own. That keeps 98 % of what moving gains on a blockhole, a cylinder and a countersink (sums of
+/// squared distances); moving all of a countersink's loses three times of what it gains.
 const STANDS_OUT: f64 = 0.5;
 /// Those with normals of this cosine to its own, at least, are beside the same crease on the same side.
 const SAME_SIDE: f64 = 0.8;
