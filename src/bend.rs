@@ -109,18 +109,23 @@ pub fn bend(mesh: &Mesh, tags: &Tags, options: &BendOptions) -> Result<Bent, Mes
     let stencils = Stencils::new(mesh, tags);
     let mut counts = BendCounts::default();
     let bent = if options.is_limited {
-        let shifts = vouched_shifts(mesh, &stencils, &middles.edges, &mut counts);
-        let mut draft = Draft::new(mesh, &stencils, &middles, shifts);
+        // In one memory from wishes to points: that of the new mesh.
+        let n_old = mesh.n_verts();
+        let mut points = Vec::with_capacity(n_old + middles.edges.len());
+        points.extend_from_slice(mesh.points());
+        points.resize(n_old + middles.edges.len(), DVec3::ZERO);
+        vouched_shifts(mesh, &stencils, &middles.edges, &mut points[n_old..], &mut counts);
+        let mut draft = Draft::new(mesh, &stencils, &middles, points);
         counts.retreated = draft.retreat();
         counts.mended = draft.mend();
-        let draft = draft.into_settled();
+        let settled = draft.into_settled();
         drop(stencils);
-        middles.split(mesh, |slot, h| draft.point(mesh, slot, h))?
+        middles.split(mesh, settled.into_points(mesh, &middles.edges))?
     } else {
         let placed = middles.edges.par_iter().map(|&h| stencils.place(h));
-        let (rules, points): (Vec<_>, Vec<_>) = placed.map(|placed| (placed.rule, placed.point)).unzip();
+        let (rules, new): (Vec<_>, Vec<_>) = placed.map(|placed| (placed.rule, placed.point)).unzip();
         rules.into_iter().for_each(|rule| *counts.rules.entry(rule).or_default() += 1);
-        middles.split(mesh, |slot, _| points[slot])?
+        middles.split(mesh, [mesh.points(), &new].concat())?
     };
     let tags = tags_of_children(mesh, tags, &middles);
     Ok(Bent { mesh: bent, tags, counts, quarters: middles.into_quarters(mesh.n_faces()) })
@@ -139,14 +144,14 @@ fn tags_of_children(mesh: &Mesh, tags: &Tags, middles: &Middles) -> Tags {
 /// So many edges are looked at at a time.
 const CHUNK: usize = 1 << 12;
 
-/// How far the new vertices on `edges` go before faces have a say; counts how.
+/// Writes into `shifts` how far the new vertices on `edges` go before faces have a say; counts how.
 fn vouched_shifts(
     mesh: &Mesh,
     stencils: &Stencils<'_>,
     edges: &[Half],
+    shifts: &mut [DVec3],
     counts: &mut BendCounts,
-) -> Vec<DVec3> {
-    let mut shifts = vec![DVec3::ZERO; edges.len()];
+) {
     let place = |(edges, shifts): (&[Half], &mut [DVec3])| {
         let mut counts = BendCounts::default();
         let mut rules = [0; Rule::ALL.len()];
@@ -167,7 +172,6 @@ fn vouched_shifts(
         counts.shortened += chunk.shortened;
         chunk.rules.into_iter().for_each(|(rule, n)| *counts.rules.entry(rule).or_default() += n);
     }
-    shifts
 }
 
 /// A new vertex goes no farther from the middle of its edge than this many times its length.

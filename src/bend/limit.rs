@@ -11,7 +11,7 @@
 //! Rejected: a limit by the heights of the triangles at the edge needs no rounds, but takes from curved
 //! surfaces what it should not: at a quarter of the height 2 to 7 percentage points of the L2 error come
 //! back (cylinder mi_8k .670 instead of .604 of the error without bending), at a tenth 7 to 11.
-//! In/out: shifts `[N]` -> points `[N]`.
+//! In/out: old points and shifts `[V + N]` -> points `[V + N]`.
 //! Cost: O(F) for the first round, then only faces beside vertices that moved; about six rounds.
 
 use glam::DVec3;
@@ -71,39 +71,52 @@ pub(super) struct Draft<'a> {
 
 /// Where new vertices are.
 pub(super) struct Settled {
-    /// Where each wants to be, from the middle. `[N]`
-    shifts: Vec<DVec3>,
+    n_old: usize,
+    /// The old vertices, then where each new one wants to be, from the middle. `[V + N]`
+    points: Vec<DVec3>,
     /// How often a face has objected. `[N]`
     objections: Vec<u8>,
 }
 
 impl Settled {
-    /// Where new vertex `slot` is now, on the edge of `h`.
-    pub fn point(&self, mesh: &Mesh, slot: usize, h: Half) -> DVec3 {
-        mesh.point(mesh.from(h)).midpoint(mesh.point(mesh.to(h))) + self.way(slot)
+    /// The points of all vertices. `edges` are those that the new ones are on.
+    pub fn into_points(mut self, mesh: &Mesh, edges: &[Half]) -> Vec<DVec3> {
+        let settle = |((shift, &n), &h): ((&mut DVec3, &u8), &Half)| {
+            let middle = mesh.point(mesh.from(h)).midpoint(mesh.point(mesh.to(h)));
+            *shift = middle + WAY_LEFT[usize::from(n)] * *shift;
+        };
+        let shifts = self.points[self.n_old..].par_iter_mut();
+        shifts.zip(&self.objections).zip(edges).for_each(settle);
+        self.points
     }
 
-    /// How far it is from the middle.
+    fn shift(&self, slot: usize) -> DVec3 {
+        self.points[self.n_old + slot]
+    }
+
+    /// How far new vertex `slot` is from the middle.
     pub fn way(&self, slot: usize) -> DVec3 {
-        WAY_LEFT[usize::from(self.objections[slot])] * self.shifts[slot]
+        WAY_LEFT[usize::from(self.objections[slot])] * self.shift(slot)
     }
 
     /// Sends it another way.
     pub fn redirect(&mut self, slot: usize, way: DVec3) {
-        self.shifts[slot] = way;
+        self.points[self.n_old + slot] = way;
         self.objections[slot] = 0;
     }
 }
 
 impl<'a> Draft<'a> {
-    pub fn new(mesh: &'a Mesh, stencils: &'a Stencils<'a>, middles: &'a Middles, shifts: Vec<DVec3>) -> Self {
+    /// `points` are the old vertices, then the ways from the middles of their edges that new ones want to go.
+    pub fn new(mesh: &'a Mesh, stencils: &'a Stencils<'a>, middles: &'a Middles, points: Vec<DVec3>) -> Self {
         let area = |f: Face| {
             let [a, b, c] = mesh.triangle(f);
             (b - a).cross(c - a)
         };
         let areas = (0..mesh.n_faces()).into_par_iter().map(|f| area(Face::new(f)));
         let areas = areas.collect::<Vec<_>>().into();
-        let settled = Settled { objections: vec![0; shifts.len()], shifts };
+        let n_old = mesh.n_verts();
+        let settled = Settled { n_old, objections: vec![0; points.len() - n_old], points };
         Self { mesh, stencils, middles, settled, areas }
     }
 
@@ -155,7 +168,7 @@ impl<'a> Draft<'a> {
     fn motion(&self, f: Face) -> Motion {
         let halves = f.halves();
         let shift =
-            |h: Half| self.middles.slot(h).map_or(0.0, |slot| self.settled.shifts[slot].length_squared());
+            |h: Half| self.middles.slot(h).map_or(0.0, |slot| self.settled.shift(slot).length_squared());
         let farthest = halves.map(shift).into_iter().fold(0.0, f64::max);
         if farthest == 0.0 {
             return Motion::Still;
@@ -307,8 +320,9 @@ mod tests {
         let (mut n_passed_over, mut n_objecting) = (0, 0);
         for farthest in [0.003, 0.03, 0.1, 0.3] {
             let shift = |k: usize| farthest * noise(k, 1) * dvec3(noise(k, 2), noise(k, 3), noise(k, 4));
-            let shifts = (0..middles.edges.len()).map(shift).collect();
-            let draft = Draft::new(&mesh, &stencils, &middles, shifts);
+            let shifts = (0..middles.edges.len()).map(shift);
+            let points = mesh.points().iter().copied().chain(shifts).collect();
+            let draft = Draft::new(&mesh, &stencils, &middles, points);
             let motions: PerFace<Motion> =
                 mesh.face_ids().map(|f| draft.motion(f)).collect::<Vec<_>>().into();
             for f in mesh.face_ids() {

@@ -58,6 +58,9 @@ const DIRECTIONS: [(f64, f64); 8] = [
 /// It tries them at these distances, in edge lengths: slivers need short steps, their neighbours leave room for long
 /// ones.
 const STEPS: [f64; 6] = [0.5, 0.25, 0.125, 0.0625, 0.03125, 0.015_625];
+/// It stays as near as this to the planes of both its faces, in edge lengths: what slipped within the surface
+/// can be put right within it.
+const MAX_OFF_PLANE: f64 = 0.05;
 /// A vertex that has moved makes room for the others: so many rounds change anything.
 const ROUNDS: usize = 4;
 /// Where more faces than this are turned or folded, and more than one in [`ONE_IN`], there is no surface to
@@ -169,10 +172,17 @@ impl Draft<'_> {
         let edge = self.mesh.point(self.mesh.to(h)) - self.mesh.point(self.mesh.from(h));
         let along = edge - edge.dot(normal) * normal;
         let across = normal.cross(along);
+        let beside = [Some(h), self.mesh.twin(h)].map(|h| h.map_or(DVec3::ZERO, |h| self.areas[h.face()]));
+        let planes = beside.map(DVec3::normalize_or_zero);
+        let farthest_off = MAX_OFF_PLANE * edge.length();
         let mut best = None;
         let mut least = badness + FOLD_WEIGHT * n_folds as f64 - MIN_GAIN;
         for (step, (u, v)) in STEPS.into_iter().flat_map(|step| DIRECTIONS.map(|d| (step, d))) {
-            let to = way + step * (u * along + v * across);
+            let shift = step * (u * along + v * across);
+            if planes.iter().any(|n| n.dot(shift).abs() > farthest_off) {
+                continue;
+            }
+            let to = way + shift;
             self.settled.redirect(slot, to);
             let badness = self.badness(h, suspects);
             if badness >= least {

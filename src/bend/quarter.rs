@@ -97,18 +97,11 @@ impl Middles {
         self.on_edge[h].is_some().then(|| self.on_edge[h].index() - self.n_old)
     }
 
-    /// The mesh with every face split. `new_point` places a new vertex, given its lowest half-edge.
+    /// The mesh with every face split. `points` are those of the old vertices, then those of the new ones.
     ///
     /// # Errors
     /// When it has more faces than the index type can count.
-    pub fn split(
-        &self,
-        mesh: &Mesh,
-        new_point: impl Fn(usize, Half) -> DVec3 + Sync,
-    ) -> Result<Mesh, MeshError> {
-        let mut points = Vec::with_capacity(self.n_old + self.edges.len());
-        points.extend_from_slice(mesh.points());
-        points.par_extend(self.edges.par_iter().enumerate().map(|(slot, &h)| new_point(slot, h)));
+    pub fn split(&self, mesh: &Mesh, points: Vec<DVec3>) -> Result<Mesh, MeshError> {
         let faces = if self.whole.is_empty() {
             let children = (0..mesh.n_faces()).into_par_iter().map(|f| self.children(mesh, Face::new(f)));
             children.collect::<Vec<_>>().into_flattened()
@@ -190,7 +183,9 @@ mod tests {
         let middles = Middles::of(&m).unwrap();
         let is_sound = |h: Half| !has_repeated_vertex(&m.corners(h.face()));
         let general = refine(&m, &Inserts::in_the_middle(&m, is_sound, &[])).unwrap();
-        let split = middles.split(&m, |_, h| m.point(m.from(h)).midpoint(m.point(m.to(h)))).unwrap();
+        let middle = |&h: &Half| m.point(m.from(h)).midpoint(m.point(m.to(h)));
+        let new: Vec<DVec3> = middles.edges.iter().map(middle).collect();
+        let split = middles.split(&m, [m.points(), &new].concat()).unwrap();
         assert_eq!((split.points(), split.faces()), (general.mesh.points(), general.mesh.faces()));
         let lineage = middles.into_quarters(m.n_faces()).lineage();
         assert_eq!(lineage.parents, general.lineage.parents);
@@ -202,7 +197,8 @@ mod tests {
         let m = mesh(&[[0.; 3], [1., 0., 0.], [0., 1., 0.], [1., 1., 0.]], &[[0, 1, 2], [2, 1, 3]]);
         let middles = Middles::of(&m).unwrap();
         assert_eq!(middles.edges, [0, 1, 2, 4, 5].map(Half::new));
-        let split = middles.split(&m, |slot, _| DVec3::splat(slot as f64)).unwrap();
+        let new: Vec<DVec3> = (0..middles.edges.len()).map(|slot| DVec3::splat(slot as f64)).collect();
+        let split = middles.split(&m, [m.points(), &new].concat()).unwrap();
         let faces: Vec<_> = split.faces().iter().map(|f| f.map(Vert::index)).collect();
         assert_eq!(faces[..4], [[0, 4, 6], [1, 5, 4], [2, 6, 5], [4, 5, 6]]);
         assert_eq!(faces[4..], [[2, 5, 8], [1, 7, 5], [3, 8, 7], [5, 7, 8]]);

@@ -6,8 +6,8 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::geometry::angle_between;
-use crate::mesh::Vert;
 use crate::mesh::tests::mesh;
+use crate::mesh::{Face, Vert};
 use crate::tags::tags_by_dihedral;
 
 const LIMITED: BendOptions = BendOptions { is_limited: true };
@@ -442,9 +442,13 @@ proptest! {
         prop_assert_eq!(n_borders(&fine), 2 * n_borders(&terrain));
         prop_assert_eq!(fine_tags.sharp_edges().len(), 2 * tags.sharp_edges().len());
         prop_assert_eq!(counts.rules.values().sum::<usize>(), edges.len());
-        // No child turns over against its parent, unless the parent is turned itself.
+        // No child turns over against its parent, unless the parent or a face beside it looks against another one.
         let (normals, parents) = (fine.face_normals(), terrain.face_normals());
-        prop_assert!(counts.mended > 0 || fine.face_ids().all(|f| normals[f].dot(parents[lineage.parents[f]]) > 0.49));
+        let beside = |f: Face| f.halves().into_iter().filter_map(|h| Some(terrain.twin(h)?.face()));
+        let is_against = |f: Face| beside(f).any(|g| parents[f].dot(parents[g]) < 0.0);
+        let is_odd = |f: Face| is_against(f) || beside(f).any(is_against);
+        let has_turned = |f: &Face| normals[*f].dot(parents[lineage.parents[*f]]) <= 0.49;
+        prop_assert!(fine.face_ids().filter(has_turned).all(|f| is_odd(lineage.parents[f])));
         prop_assert!(n_folds(&fine) <= 2 * n_folds(&terrain));
 
         // A moved, turned and scaled mesh gives the moved, turned and scaled result.
