@@ -265,3 +265,62 @@ fn refine_piece(before: &Mesh, split: &Split, faces: &[Face], own: impl Fn(Vert)
     }
     piece
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::edit::Edit;
+    use crate::mesh::tests::mesh;
+    use crate::refine::{refine, split};
+
+    const N: usize = 9;
+
+    /// A sheet of 8 x 8 squares whose middle one has its diagonal split.
+    fn sheet() -> (Mesh, Inserts) {
+        let points: Vec<_> = (0..N * N).map(|i| [(i % N) as f64, (i / N) as f64, 0.0]).collect();
+        let corners = (0..N * (N - 1)).filter(|i| i % N != N - 1);
+        let squares = corners.flat_map(|i| [[i, i + 1, i + N + 1], [i, i + N + 1, i + N]]);
+        let m = mesh(&points, &squares.collect::<Vec<_>>());
+        let middle = N * N / 2;
+        let diagonal = m.edge(m.half_between(Vert::new(middle), Vert::new(middle + N + 1)).unwrap());
+        let inserts = Inserts::in_the_middle(&m, |h| m.edge(h) == diagonal, &[]);
+        (m, inserts)
+    }
+
+    #[test]
+    fn who_asks_beyond_the_rings_gets_a_wider_excerpt() {
+        let (m, inserts) = sheet();
+        let split = split(&m, &inserts).unwrap();
+        // Old vertices that are so many squares away from the split one, to the left and below, ask for their faces.
+        let is_too_small = |rings: usize, away: usize| {
+            let excerpt = Excerpt::new(&m, &inserts, &split, rings);
+            let edit = Edit::new(&excerpt.refined, excerpt.n_old(), &excerpt.is_whole);
+            let v = Vert::new(N * N / 2 - (N + 1) * away);
+            let own = excerpt.old_verts().binary_search(&v).expect("it is in the excerpt");
+            assert_eq!(excerpt.whole(Vert::new(own)), v);
+            let n_faces = edit.faces_at(Vert::new(own)).len();
+            assert_eq!(edit.is_at_fringe(), n_faces < 6);
+            edit.is_at_fringe()
+        };
+        assert_eq!([is_too_small(1, 0), is_too_small(1, 1)], [false, true]);
+        assert_eq!([is_too_small(2, 0), is_too_small(2, 1), is_too_small(2, 2)], [false, false, true]);
+    }
+
+    #[test]
+    fn an_excerpt_put_back_without_edits_is_the_refined_mesh() {
+        let (m, inserts) = sheet();
+        let split = split(&m, &inserts).unwrap();
+        let expected = refine(&m, &inserts).unwrap();
+        for rings in 1..=5 {
+            let excerpt = Excerpt::new(&m, &inserts, &split, rings);
+            let edit = Edit::new(&excerpt.refined, excerpt.n_old(), &excerpt.is_whole);
+            let edited = edit.finish(&m, &inserts, |v| excerpt.whole(v)).unwrap();
+            let Rejoined { mesh, lineage, replaced, now } = excerpt.rejoin(edited, true);
+            assert_eq!((mesh.points(), mesh.faces()), (expected.mesh.points(), expected.mesh.faces()));
+            let lineage = lineage.unwrap();
+            assert_eq!(lineage.parents, expected.lineage.parents);
+            assert_eq!(lineage.corners, expected.lineage.corners);
+            assert!(replaced.is_empty() && mesh.verts().all(|v| now.of(v) == v));
+        }
+    }
+}
