@@ -17,6 +17,7 @@
 
 mod limit;
 mod mend;
+mod precision;
 mod quarter;
 #[cfg(test)]
 mod tests;
@@ -32,19 +33,23 @@ use crate::stencil::{Rule, Stencils};
 use crate::tags::Tags;
 
 use limit::Draft;
+pub use precision::precision;
 use quarter::{Middles, Quarters};
 
 /// How a mesh is bent.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BendOptions {
     /// Whether new vertices are held back where the stencils cannot be trusted. Without, the papers' plain
     /// scheme runs, which folds slivers.
     pub is_limited: bool,
+    /// The step of the coordinates, in their own unit: what the surface or a curve bulges less than this is
+    /// rounding. See [`precision`].
+    pub precision: f64,
 }
 
 impl Default for BendOptions {
     fn default() -> Self {
-        Self { is_limited: true }
+        Self { is_limited: true, precision: 0.0 }
     }
 }
 
@@ -114,7 +119,8 @@ pub fn bend(mesh: &Mesh, tags: &Tags, options: &BendOptions) -> Result<Bent, Mes
         let mut points = Vec::with_capacity(n_old + middles.edges.len());
         points.extend_from_slice(mesh.points());
         points.resize(n_old + middles.edges.len(), DVec3::ZERO);
-        vouched_shifts(mesh, &stencils, &middles.edges, &mut points[n_old..], &mut counts);
+        let new = &mut points[n_old..];
+        vouched_shifts(mesh, &stencils, &middles.edges, options.precision, new, &mut counts);
         let mut draft = Draft::new(mesh, &stencils, &middles, points);
         counts.retreated = draft.retreat();
         counts.mended = draft.mend();
@@ -149,6 +155,7 @@ fn vouched_shifts(
     mesh: &Mesh,
     stencils: &Stencils<'_>,
     edges: &[Half],
+    precision: f64,
     shifts: &mut [DVec3],
     counts: &mut BendCounts,
 ) {
@@ -156,7 +163,7 @@ fn vouched_shifts(
         let mut counts = BendCounts::default();
         let mut rules = [0; Rule::ALL.len()];
         for (&h, vector) in edges.iter().zip(shifts) {
-            let shift = vouched_shift(stencils, mesh, h);
+            let shift = vouched_shift(stencils, mesh, h, precision);
             *vector = shift.vector;
             rules[shift.rule as usize] += 1;
             counts.doubted += usize::from(shift.is_doubted);
@@ -195,6 +202,10 @@ const BOLDNESS: f64 = 2.0;
 
 /// Below this many times the edge's length a displacement is rounding, and nothing to have doubts about.
 const ROUNDING: f64 = 1e-6;
+/// Up to this many times the edge's length it is rounding if it is below the step of the coordinates: a
+/// surface that turns by half a degree from end to end. Coordinates of six decimals are that coarse where a
+/// part of size 1 has a million faces.
+const MOST_ROUNDED: f64 = 1e-3;
 
 /// How far a new vertex goes from the middle of its edge before faces have a say.
 struct Shift {
@@ -206,7 +217,7 @@ struct Shift {
 
 /// Holds what the stencil proposes against what the ends of the edge expect.
 ///
-/// * Where both ends expect nothing, the surface is flat and the curve straight, and the vertex stays in the
+/// * Where both ends expect nothing, or less than the step of the coordinates, the surface is flat and the curve straight, and the vertex stays in the
 ///   middle: in a plane, what the stencils move about within it leaves faces that cut each other by the last
 ///   bit of their coordinates (189 on cube remesh_8k, 128 on fandisk scan_20k).
 /// * Along the normal a vertex goes to neither side of what both ends expect, nothing counted as well, and
@@ -226,14 +237,14 @@ struct Shift {
 /// Rejected: the disagreement between the stencils of the two ends (they are exact for linear functions
 /// only: slivers on a sphere look like noise); a limit of the length alone (cannot tell curvature from
 /// noise: both are 0.01 to 0.02 edges here).
-fn vouched_shift(stencils: &Stencils<'_>, mesh: &Mesh, h: Half) -> Shift {
+fn vouched_shift(stencils: &Stencils<'_>, mesh: &Mesh, h: Half, precision: f64) -> Shift {
     let site = stencils.look(h);
     let rule = site.rule;
     let (from, to) = (mesh.point(mesh.from(h)), mesh.point(mesh.to(h)));
     let length = from.distance(to);
     let [a, b] = site.expected;
     let steepest = a.length_squared().max(b.length_squared()).sqrt();
-    if steepest <= ROUNDING * length {
+    if steepest <= precision.min(MOST_ROUNDED * length).max(ROUNDING * length) {
         return Shift { rule, vector: DVec3::ZERO, is_doubted: false, is_shortened: false };
     }
     let mut wanted = stencils.point(&site) - from.midpoint(to);

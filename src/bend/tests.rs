@@ -10,8 +10,8 @@ use crate::mesh::tests::mesh;
 use crate::mesh::{Face, Vert};
 use crate::tags::tags_by_dihedral;
 
-const LIMITED: BendOptions = BendOptions { is_limited: true };
-const PLAIN: BendOptions = BendOptions { is_limited: false };
+const LIMITED: BendOptions = BendOptions { is_limited: true, precision: 0.0 };
+const PLAIN: BendOptions = BendOptions { is_limited: false, precision: 0.0 };
 
 /// A grid of `n` columns and `m` rows of points, each cell cut along the same diagonal; the last column is
 /// joined to the first where the grid goes round.
@@ -47,6 +47,48 @@ fn along_edges(mesh: &Mesh, edges: impl Iterator<Item = [Vert; 2]>) -> Vec<DVec3
 
 fn farthest_from_unit_radius(points: &[DVec3]) -> f64 {
     points.iter().map(|p| (p.truncate().length() - 1.0).abs()).fold(0.0, f64::max)
+}
+
+/// With coordinates of `decimals` decimals.
+fn rounded(mesh: &Mesh, decimals: i32) -> Mesh {
+    let (mut points, faces) = mesh.clone().into_parts();
+    points.iter_mut().for_each(|p| *p = (*p * 10f64.powi(decimals)).round() / 10f64.powi(decimals));
+    Mesh::new(points, faces).unwrap()
+}
+
+/// How far new vertices within the surface are from the middles of their edges, in edges.
+fn farthest_from_middles(mesh: &Mesh, bent: &Bent) -> f64 {
+    let way = |(h, &new): (Half, &DVec3)| match mesh.is_border(h) {
+        true => 0.0,
+        false => new.distance(mesh.point(mesh.from(h)).midpoint(mesh.point(mesh.to(h)))) / mesh.length(h),
+    };
+    mesh.edges().zip(&bent.mesh.points()[mesh.n_verts()..]).map(way).fold(0.0, f64::max)
+}
+
+#[test]
+fn a_plane_with_rounded_coordinates_stays_in_the_middle() {
+    // An uneven plane of edges around 0.01, to four decimals.
+    let uneven = |i: f64, j: f64| dvec3(0.01 * i + 0.004 * (1.7 * j).sin(), 0.01 * j + 0.003 * i.sin(), 0.0);
+    let turn = DQuat::from_euler(glam::EulerRot::XYZ, 0.4, -1.1, 2.0);
+    let plane = rounded(&grid(12, 12, false, |i, j| turn * uneven(i, j)), 5);
+    let step = precision(plane.points());
+    assert_eq!(step, 1e-5);
+    let with = |precision| bent(&plane, &Tags::default(), &BendOptions { precision, ..LIMITED });
+    let exact = farthest_from_middles(&plane, &with(0.0));
+    assert!(exact > 0.02, "rounding moves new vertices about: {exact}");
+    assert_eq!(farthest_from_middles(&plane, &with(step)), 0.0);
+}
+
+#[test]
+fn what_bulges_more_than_the_coordinates_step_is_bent_all_the_same() {
+    let fine = rounded(&cylinder(32, 8), 4);
+    let step = precision(fine.points());
+    assert_eq!(step, 1e-4);
+    let with = |precision| bent(&fine, &Tags::default(), &BendOptions { precision, ..LIMITED });
+    assert_eq!(with(step).mesh.points(), with(0.0).mesh.points());
+    assert!(farthest_from_unit_radius(with(step).mesh.points()) < 1e-3, "0.005 before");
+    // However coarse the step seems: half a degree per edge is not taken for rounding.
+    assert_eq!(with(1.0).mesh.points(), with(0.0).mesh.points());
 }
 
 /// The number of edges that fold by more than 170 degrees.
