@@ -19,49 +19,67 @@ const ROUNDS: usize = 4;
 impl Zone<'_, '_, '_> {
     /// Flips folds, sharpest first; a face and its neighbours take part in one flip a round.
     pub(super) fn flip_folds(&mut self, counts: &mut UntangleCounts) {
+        let mut folds = self.folds_among(&self.faces);
         for _ in 0..ROUNDS {
-            let mut busy = Vec::new();
-            let mut flips = 0;
-            for (_, f, a, b) in self.folds() {
-                flips += usize::from(self.flip_fold(f, a, b, &mut busy));
+            let mut flipped = Vec::new();
+            for &(_, f, a, b) in &folds {
+                self.flip_fold(f, a, b, &mut flipped);
             }
-            if flips == 0 {
+            if flipped.is_empty() {
                 return;
             }
-            counts.flipped += flips;
+            counts.flipped += flipped.len() / 2;
+            // Only edges of flipped faces have other angles now, and each is seen from one of its two faces.
+            let beside = flipped.iter().flat_map(|&f| self.neighbours(f));
+            let mut faces: Vec<Face> = folds.iter().map(|&(_, f, ..)| f).chain(beside).collect();
+            faces.append(&mut flipped);
+            faces.sort_unstable();
+            faces.dedup();
+            folds = self.folds_among(&faces);
         }
     }
 
-    /// The folds inside the zone as (cosine, face, from, to), the sharpest first.
-    fn folds(&self) -> Vec<(f64, Face, Vert, Vert)> {
+    /// The folds inside the zone that are seen from `faces`, as (cosine, face, from, to), the sharpest first.
+    fn folds_among(&self, faces: &[Face]) -> Vec<(f64, Face, Vert, Vert)> {
+        let area = |f: Face| {
+            let [a, b, c] = self.edit.triangle(f);
+            (b - a).cross(c - a)
+        };
         let folds_of = |&f: &Face| {
-            let t = self.edit.corners(f);
+            let (t, own) = (self.edit.corners(f), area(f));
             let edges = [0, 1, 2].map(|i| (t[i], t[(i + 1) % 3])).into_iter().filter(|(a, b)| a < b);
             edges.filter_map(move |(a, b)| {
                 let beside = self.edit.faces_beside(a, b).filter(|beside| beside[0] == f)?;
-                let g = Some(beside[1]).filter(|&g| self.in_zone(g))?;
+                let g = Some(beside[1]).filter(|&g| self.in_zone(g) && own.dot(area(g)) <= 0.0)?;
                 let cosine = self.normal(f)?.dot(self.normal(g)?);
                 (cosine < FOLD_ANGLE.cos()).then_some((cosine, f, a, b))
             })
         };
-        let standing = self.faces.par_iter().filter(|&&f| self.edit.stands(f));
+        let standing = faces.par_iter().filter(|&&f| self.in_zone(f) && self.edit.stands(f));
         let mut folds: Vec<_> = standing.flat_map_iter(folds_of).collect();
         folds.sort_by(|x, y| x.0.total_cmp(&y.0).then((x.2, x.3).cmp(&(y.2, y.3))));
         folds
+    }
+
+    /// The standing faces across the edges of `f`.
+    fn neighbours(&self, f: Face) -> impl Iterator<Item = Face> + '_ {
+        let t = self.edit.corners(f);
+        (0..3).flat_map(move |i| self.beside(t[i], t[(i + 1) % 3])).filter(move |&g| g != f)
     }
 
     fn normal(&self, f: Face) -> Option<DVec3> {
         unit_normal(self.edit.triangle(f))
     }
 
-    /// Flips edge `a`-`b` of `f` if the largest of the five dihedral angles round it falls.
-    fn flip_fold(&mut self, f: Face, a: Vert, b: Vert, busy: &mut Vec<Face>) -> bool {
+    /// Flips edge `a`-`b` of `f` if the largest of the five dihedral angles round it falls and no face there is
+    /// among those `flipped`.
+    fn flip_fold(&mut self, f: Face, a: Vert, b: Vert, flipped: &mut Vec<Face>) -> bool {
         let Some([_, g]) = self.edit.faces_beside(a, b).filter(|beside| beside[0] == f) else { return false };
         let Some(triangles) = self.edit.flippable([f, g], a, b) else { return false };
         let [_, d, c] = triangles[0];
         let sides = [(a, d), (d, b), (b, c), (c, a)];
         let across = sides.map(|(p, q)| self.beside(p, q).find(|&h| h != f && h != g));
-        if [Some(f), Some(g)].iter().chain(&across).flatten().any(|h| busy.contains(h)) {
+        if [Some(f), Some(g)].iter().chain(&across).flatten().any(|h| flipped.contains(h)) {
             return false;
         }
         let points = triangles.map(|t| t.map(|v| self.edit.point(v)));
@@ -84,7 +102,7 @@ impl Zone<'_, '_, '_> {
         }
         self.edit.flip([f, g], triangles);
         [f, g].into_iter().for_each(|face| self.forget(face));
-        busy.extend([f, g]);
+        flipped.extend([f, g]);
         true
     }
 }

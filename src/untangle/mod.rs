@@ -252,8 +252,9 @@ impl<'z, 'c, 'm> Zone<'z, 'c, 'm> {
             for i in 0..3 {
                 let (a, b) = (t[i].min(t[(i + 1) % 3]), t[i].max(t[(i + 1) % 3]));
                 let length = self.length_squared(a, b);
-                let counts = self.is_crease(a, b) || (!self.edit.is_inserted(a) && self.edit.is_inserted(b));
-                if counts && length < limit {
+                let counts =
+                    || self.is_crease(a, b) || (!self.edit.is_inserted(a) && self.edit.is_inserted(b));
+                if length < limit && counts() {
                     short.push((length.to_bits(), a, b)); // Not negative: the bits order as the lengths do.
                 }
             }
