@@ -60,7 +60,7 @@ pub use report::Report;
 use std::borrow::Cow;
 
 use attributes::{Attributes, Split};
-use bend::{BendOptions, Bent, bend, levels_fit, precision};
+use bend::{BendOptions, Bent, bend, levels_fit};
 use classify::Labels;
 use denoise::denoise;
 use refine::Lineage;
@@ -204,10 +204,7 @@ fn rebuild(
         report.changed = true;
     }
     levels_fit(sharpened.mesh.n_faces(), options.bend, options.max_faces)?;
-    let bend_options = BendOptions {
-        precision: if options.bend > 0 { precision(mesh.points()) } else { 0.0 },
-        ..BendOptions::default()
-    };
+    let bend_options = BendOptions { precision: options.precision, ..BendOptions::default() };
     for _ in 0..options.bend {
         let bent = report.seconds.time("bend", || bend(&sharpened.mesh, &sharpened.tags, &bend_options))?;
         if let Some(on_rebuild) = &mut on_rebuild {

@@ -21,7 +21,7 @@ pub enum Method {
 pub const DEFAULT_MAX_FACES: usize = 200_000_000;
 
 /// What [`sharpen`](crate::sharpen) does. [`Options::default`] is what the command line does without
-/// any flag.
+/// any flag, with coordinates that are exact.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Options {
     /// Which reading of the algorithm runs.
@@ -42,6 +42,9 @@ pub struct Options {
     pub denoise: usize,
     /// Levels of bending: each splits every face in four.
     pub bend: u32,
+    /// The step of the coordinates, in their own unit: what bulges less is not bent. Known of a file (see
+    /// [`precision`](crate::bend::precision)), which the command line takes care of; by default they are exact.
+    pub precision: f64,
     /// A mesh that bending would give more faces than this is refused.
     pub max_faces: usize,
     /// Whether the colours of the mesh come back in [`Sharpened::labels`](crate::Sharpened::labels).
@@ -62,6 +65,7 @@ impl Default for Options {
             sharp_edges: Vec::new(),
             denoise: 0,
             bend: 0,
+            precision: 0.0,
             max_faces: DEFAULT_MAX_FACES,
             keep_labels: false,
             keep_verdict: false,

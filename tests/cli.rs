@@ -390,6 +390,38 @@ fn a_mesh_can_be_bent_without_being_sharpened() {
 }
 
 #[test]
+fn a_flat_sheet_with_rounded_coordinates_is_split_in_the_middles() {
+    // An uneven, tilted sheet of 12 x 12 points, edges near 0.01: four decimals are too coarse to be taken for flat,
+    // five are not.
+    let sheet = |decimals: usize| {
+        let mut text = String::new();
+        for (i, j) in (0..144).map(|k| (f64::from(k / 12), f64::from(k % 12))) {
+            let (x, y) = (0.01 * i + 0.004 * (1.7 * j).sin(), 0.01 * j + 0.003 * i.sin());
+            text += &format!("v {x:.decimals$} {y:.decimals$} {:.decimals$}\n", 0.31 * x - 0.27 * y);
+        }
+        for (i, j) in (0..121).map(|k| (k / 11, k % 11)) {
+            let [a, b, c, d] = [0, 12, 13, 1].map(|step| 12 * i + j + 1 + step);
+            text += &format!("f {a} {b} {c}\nf {a} {c} {d}\n");
+        }
+        text
+    };
+    let folder = folder();
+    let (flat, out) = (folder.path().join("flat.obj"), folder.path().join("out.obj"));
+    let off_middle = |decimals| {
+        fs::write(&flat, sheet(decimals)).unwrap();
+        sharpen().args(["-q", "--no-sharpen", "--bend", "1"]).arg(&flat).arg(&out).assert().success();
+        let (before, after) = (io::read(&flat).unwrap(), io::read(&out).unwrap());
+        let before = Mesh::new(before.points, before.faces).unwrap();
+        let inner = before.edges().zip(&after.points[144..]).filter(|&(h, _)| !before.is_border(h));
+        let middle =
+            inner.map(|(h, p)| p.distance(before.point(before.from(h)).midpoint(before.point(before.to(h)))));
+        middle.fold(0.0, f64::max)
+    };
+    assert_eq!(off_middle(5), 0.0);
+    assert!(off_middle(4) > 1e-4);
+}
+
+#[test]
 fn without_sharpening_the_dihedral_angle_says_what_is_sharp() {
     let folder = folder();
     let (cube, out, edges) =

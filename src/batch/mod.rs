@@ -31,7 +31,7 @@ use sharpen::error::display_name;
 use sharpen::io::temporary;
 
 use crate::cli::{self, Arguments};
-use crate::run::{Done, sharpen_file, unfit};
+use crate::run::{Done, sharpen_file, start_threads, unfit};
 use budget::Budget;
 use child::End;
 use journal::{Journal, Stamp, State};
@@ -243,8 +243,7 @@ pub fn call_for_one_file() -> Option<Result<ExitCode>> {
     let answer = || -> Result<ExitCode> {
         child::end_with_parent()?;
         let arguments = Arguments::parse_from(words);
-        let threads = (threads(&arguments) / jobs(&arguments)).max(1);
-        rayon::ThreadPoolBuilder::new().num_threads(threads).build_global()?;
+        start_threads((threads(&arguments) / jobs(&arguments)).max(1))?;
         child::answer(&line_for(&arguments, &input, &output)?)?;
         Ok(ExitCode::SUCCESS)
     };
