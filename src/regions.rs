@@ -29,6 +29,7 @@ mod near;
 mod noise;
 mod patch;
 mod place;
+mod rounds;
 mod surface;
 mod verdict;
 

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
-use super::{Surface, VertexFits};
+use super::{Surface, VertexFits, rounds};
 use crate::fit::{Fit, FitSource};
 use crate::mesh::{Half, Mesh, Vert};
 
@@ -17,9 +17,9 @@ const STRIP_DISPLACEMENT: f64 = 0.06;
 const STRIP_DISPLACEMENT_PER_NOISE: f64 = 2.0;
 /// A strip whose fits leave a larger residual (in h) than this on average has to be long to be believed:
 /// scans are full of short false ones ...
-const STRIP_RMS: f64 = 0.01;
+pub(super) const STRIP_RMS: f64 = 0.01;
 /// ... with at least this many edges. At 100 small meshes lose their creases.
-const LONG_STRIP: usize = 30;
+pub(super) const LONG_STRIP: usize = 30;
 
 /// The ends of a round lie this far on the inner side of their fits on average, in h; samples beside a
 /// crease lie on theirs, and noise averages out. True creases on marching cubes reach 0.062 ...
@@ -29,7 +29,7 @@ const ROUND_DISPLACEMENT_AND_RMS: f64 = 0.068;
 /// That is judged on this many ends with a region's fit ...
 const ROUND_ENDS: usize = 6;
 /// ... where less than this share of the ends carries a guess.
-const ROUND_GUESSED: f64 = 0.4;
+pub(super) const ROUND_GUESSED: f64 = 0.4;
 /// A strip with fewer edges than this, more than [`MAX_GUESSED`] of whose ends carry a guess, is not
 /// believed.
 const SHORT_STRIP: usize = 10;
@@ -174,6 +174,7 @@ pub(super) fn judge_strips(
         sums[strip as usize].add(surface, fits, h);
     }
     let mut strips: Vec<Strip> = sums.iter().map(|sums| sums.strip(noise)).collect();
+    rounds::keep_creases(surface, fits, candidates, &strip_of, &mut strips);
     cancel_fragments(&mut strips);
     (strip_of, strips)
 }

@@ -1,0 +1,178 @@
+//! Tells creases from rounds by the radius that a round would have.
+//!
+//! ```text
+//!   -----T___            N, M  the fits of both sides
+//!        |   `-P         P     a sample u inside N and v inside M
+//!        |      \        r     radius of the round through P that touches both, in T
+//!        C---r---T
+//!                |       (1 - c) r = u + v + sqrt(2 u v (1 + c)),  c = N·M
+//! ```
+//!
+//! Every sample beside a round of radius R has an r of R or more: of R on the round, of more beyond it. So what most
+//! samples of a strip have is the largest radius that a round there could have. Marching cubes of the distance to a
+//! sharp edge puts samples inside of it, which then look like those of a round, but of a small one: on a grid of
+//! step s along two planes at a right angle the samples nearest to the edge are p from it on one side and q > p on the
+//! other; those at p come q - p / (p + s - q) inside, which no round with a radius of more than 0.86 s does.
+//!
+//! Based on: nothing in the papers. Grids along the axes put all samples of an edge equally far inside, up to 0.35 h,
+//! and the means that [`gates`](super::gates) judge by take that for a round: an L-bracket and a cone on such a grid
+//! came back as they were.
+//! In/out: strips that were left alone for what a round has -> which of them are kept after all.
+//! Cost: O(edges of these).
+
+use super::gates::{Fate, LONG_STRIP, ROUND_GUESSED, STRIP_RMS, Strip};
+use super::{Surface, VertexFits};
+use crate::fit::{Fit, FitSource};
+use crate::mesh::{Half, Vert};
+
+/// A strip is no round if a quarter of its samples allow no larger radius than this, in h. Creases on marching cubes
+/// have .2 to .67 there, with .75 as the limit of aligned grids; rounds have their radius. To sharpen these pays up to a
+/// radius of .6 h and harms from 1 h.
+const LARGEST_RADIUS: f64 = 0.75;
+/// See [`LARGEST_RADIUS`]: one sample in so many.
+const ONE_IN: usize = 4;
+
+/// Keeps those of `strips` after all that were left alone because their samples are inside of their fits, but are
+/// creases by the radius that a round would have there: long ones, between fits that are exact.
+pub(super) fn keep_creases(
+    surface: &Surface,
+    fits: &VertexFits,
+    candidates: &[Half],
+    strip_of: &[u32],
+    strips: &mut [Strip],
+) {
+    let mut radii: Vec<Option<Vec<f64>>> = strips.iter().map(|s| is_open(s).then(Vec::new)).collect();
+    for (&h, &strip) in candidates.iter().zip(strip_of) {
+        if let Some(radii) = &mut radii[strip as usize] {
+            radii.extend(radii_at(surface, fits, h));
+        }
+    }
+    for (strip, radii) in strips.iter_mut().zip(radii) {
+        if radii.and_then(low).is_some_and(|radius| radius <= LARGEST_RADIUS) {
+            strip.fate = Fate::Kept;
+        }
+    }
+}
+
+/// Whether the radius has a say about `strip`.
+fn is_open(strip: &Strip) -> bool {
+    matches!(strip.fate, Fate::Round | Fate::FarFromFits)
+        && strip.n_edges >= LONG_STRIP
+        && strip.rms <= STRIP_RMS
+        && strip.guessed < ROUND_GUESSED
+}
+
+/// The radius that a quarter of the samples does not exceed.
+fn low(mut radii: Vec<f64>) -> Option<f64> {
+    let place = radii.len() / ONE_IN;
+    (place > 0).then(|| *radii.select_nth_unstable_by(place, f64::total_cmp).1)
+}
+
+/// The radii, in h, of the rounds through those ends of the edge of `h` that a region explains.
+fn radii_at(surface: &Surface, fits: &VertexFits, h: Half) -> impl Iterator<Item = f64> {
+    let mesh = surface.mesh;
+    let ends = [mesh.from(h), mesh.to(h)];
+    let [p, q] = ends.map(|v| fits.get(v));
+    let along = mesh.point(ends[1]) - mesh.point(ends[0]);
+    let radius = move |(v, own, other): (Vert, Option<&Fit>, Option<&Fit>)| {
+        let own = own.filter(|own| own.source == FitSource::Region && !surface.interior[v])?;
+        let other = other?;
+        let (above, normal) = other.evaluate(mesh.point(v), surface.h);
+        // Inside is below both sides of a ridge, above those of a valley.
+        let inside = (if v == ends[0] { 1.0 } else { -1.0 }) * (along.dot(normal) - along.dot(own.normal));
+        let sign = inside.signum();
+        let radius = round_through(sign * own.displacement, -sign * above, own.normal.dot(normal));
+        radius.is_finite().then_some(radius)
+    };
+    [(ends[0], p, q), (ends[1], q, p)].into_iter().filter_map(radius)
+}
+
+/// The radius of the round through a point `u` and `v` inside of two planes whose normals have this cosine.
+fn round_through(u: f64, v: f64, cosine: f64) -> f64 {
+    let (u, v) = (u.max(0.0), v.max(0.0));
+    (u + v + (2.0 * u * v * (1.0 + cosine)).max(0.0).sqrt()) / (1.0 - cosine)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::tests::mesh;
+    use crate::regions::gates::judge_strips;
+    use crate::regions::tests::{labels, planes};
+    use FitSource::{Leftover, Region};
+    use approx::assert_relative_eq;
+    use glam::{DVec3, dvec3};
+
+    #[test]
+    fn the_radius_is_that_of_the_round_a_point_lies_on() {
+        // Two planes with their normals 60, 90 and 130 degrees apart, and points on the round of radius 2.
+        for angle in [60f64, 90.0, 130.0].map(f64::to_radians) {
+            let (n, m) = (DVec3::X, dvec3(angle.cos(), angle.sin(), 0.0));
+            // The centre is 2 inside of both.
+            let centre = -2.0 * (n + m) / (1.0 + angle.cos());
+            for turn in [0.0, 0.3, 0.5, 0.9, 1.0].map(|share| share * angle) {
+                let p = centre + 2.0 * dvec3(turn.cos(), turn.sin(), 0.0);
+                let radius = round_through(-p.dot(n), -p.dot(m), n.dot(m));
+                assert_relative_eq!(radius, 2.0, epsilon = 1e-6);
+            }
+        }
+        // On one plane, where the round would end; and a little outside of it.
+        assert_eq!(round_through(0.0, 0.7, 0.0), 0.7);
+        assert_eq!(round_through(-0.01, 0.7, 0.0), 0.7);
+    }
+
+    /// The step of the grid; a flat face of marching cubes along it has two edges of one step and a diagonal.
+    const STEP: f64 = 1.0;
+    const H: f64 = (2.0 + std::f64::consts::SQRT_2) / 3.0 * STEP;
+
+    /// A ridge along x, `n` squares long, between one side that faces up and one that faces +y, or the valley between
+    /// the two seen from below. One row of squares cuts it off: the samples of the first side are at (y, z) = `first`,
+    /// those of the second at `second`.
+    fn judged(n: usize, first: [f64; 2], second: [f64; 2], up: f64, change: impl Fn(&mut Fit)) -> Strip {
+        let row = |i: usize| [[i as f64, first[0], first[1]], [i as f64, second[0], second[1]]];
+        let points: Vec<[f64; 3]> = (0..=n).flat_map(row).collect();
+        let square = |i: usize| [[2 * i, 2 * i + 2, 2 * i + 3], [2 * i, 2 * i + 3, 2 * i + 1]];
+        let m = mesh(&points, &(0..n).flat_map(square).collect::<Vec<_>>());
+        let (normals, labels) = labels(&m);
+        let mut surface = Surface::new(&m, &normals, &labels);
+        (surface.h, surface.interior) = (H, crate::mesh::PerVert::filled(m.n_verts(), false));
+        let (above, beside) = (-up * first[1] / H, -up * second[0] / H);
+        let fits = |i| [(2 * i, up * DVec3::Z, above, Region), (2 * i + 1, up * DVec3::Y, beside, Region)];
+        let mut fits = planes(&m, &(0..=n).flat_map(fits).collect::<Vec<_>>());
+        fits.fits.iter_mut().flatten().for_each(change);
+        let is_across = |&h: &Half| m.from(h).index() % 2 != m.to(h).index() % 2;
+        let candidates: Vec<Half> = m.edges().filter(is_across).collect();
+        let (_, mut strips) = judge_strips(&surface, &fits, &candidates, 0.0);
+        assert_eq!((strips.len(), strips[0].n_edges), (1, 2 * n + 1));
+        strips.remove(0)
+    }
+
+    #[test]
+    fn what_marching_cubes_makes_of_an_edge_along_the_grid_is_a_crease() {
+        // The samples at p = 0.2 are 0.8 - 0.2 / 0.4 inside, those at q = 0.8 on their plane.
+        let (first, second) = ([-0.2, -0.3], [0.0, -0.8]);
+        for up in [1.0, -1.0] {
+            let strip = judged(15, first, second, up, |_| ());
+            assert!(strip.inward > 0.1 && strip.displacement > 0.1, "looks like a round by these");
+            assert_eq!(strip.fate, Fate::Kept);
+        }
+        let fate = |n, change: &dyn Fn(&mut Fit)| judged(n, first, second, 1.0, change).fate;
+        assert_eq!(fate(14, &|_| ()), Fate::FarFromFits, "29 edges are not enough");
+        assert_eq!(fate(15, &|fit| fit.rms = 0.011), Fate::FarFromFits, "nor are fits that are not exact");
+        let guess = |fit: &mut Fit| fit.source = if fit.normal == DVec3::Y { Leftover } else { Region };
+        assert_eq!(fate(15, &guess), Fate::FarFromFits, "nor guesses");
+    }
+
+    #[test]
+    fn a_round_stays_one() {
+        let on_round = |radius: f64, turn: f64| {
+            let (sine, cosine) = turn.to_radians().sin_cos();
+            [radius * (sine - 1.0), radius * (cosine - 1.0)]
+        };
+        let fate = |radius: f64| judged(20, on_round(radius, 25.0), on_round(radius, 65.0), 1.0, |_| ()).fate;
+        assert_eq!(fate(0.8 * H), Fate::FarFromFits);
+        assert_eq!(fate(1.2 * H), Fate::FarFromFits);
+        // A smaller one is as good as sharp.
+        assert_eq!(fate(0.7 * H), Fate::Kept);
+    }
+}
