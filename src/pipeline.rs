@@ -40,6 +40,7 @@ pub(crate) fn sharpen(
 
     if let Some(regions) = &chamfers.regions {
         report.found.chamfer_edges = regions.chamfers.len();
+        report.found.apexes = regions.apexes.len();
         let verdict = || verdict(mesh, regions, &chamfers.placement);
         report.verdict = options.keep_verdict.then(|| seconds.time("verdict", verdict));
     }
@@ -229,5 +230,7 @@ fn find_tags(mesh: &Mesh, chamfers: &Chamfers, cleaned: &Cleaned, method: Method
     };
     let old = old.into_iter().map(|h| [mesh.from(h), mesh.to(h)]);
     let created = cleaned.created.iter().copied().filter(|edge| edge.iter().all(is_tagged));
-    Tags::where_bent(&cleaned.mesh, old.chain(created).map(now))
+    let bent = Tags::where_bent(&cleaned.mesh, old.chain(created).map(now));
+    let apexes = chamfers.regions.iter().flat_map(|regions| &regions.apexes);
+    bent.with_tagged(apexes.map(|apex| cleaned.now.of(apex.vertex)))
 }
