@@ -88,8 +88,11 @@ pub struct Apex {
 
 /// Finds the tips of cones away from `chamfers`, ascending.
 pub(super) fn find(surface: &Surface, chamfers: &[Half]) -> Vec<Apex> {
-    let candidates = candidates(surface);
-    let found = candidates.par_iter().filter_map(|&i| Patch::around(surface, i)?.apex(chamfers));
+    let mut is_end = vec![false; surface.near.verts.len()];
+    let ends = chamfers.iter().flat_map(|&h| [surface.mesh.from(h), surface.mesh.to(h)]);
+    ends.for_each(|v| is_end[surface.near.of[v] as usize] = true);
+    let candidates = candidates(surface, &is_end);
+    let found = candidates.par_iter().filter_map(|&i| Patch::around(surface, i)?.apex(chamfers, &is_end));
     let mut apexes: Vec<Apex> = found.collect();
     // Two vertices may stand out at one tip.
     apexes.sort_by_key(|apex| apex.vertex);
@@ -102,12 +105,15 @@ pub(super) fn find(surface: &Surface, chamfers: &[Half]) -> Vec<Apex> {
     apart
 }
 
-/// Numbers of the doubtful vertices with the most missing angle among their neighbours, and enough of it.
-fn candidates(surface: &Surface) -> Vec<u32> {
+/// Numbers of the doubtful vertices with the most missing angle among their neighbours, and enough of it: of those that
+/// are not interior and no ends of chamfers.
+fn candidates(surface: &Surface, is_end: &[bool]) -> Vec<u32> {
     let near = &surface.near;
+    let is_open = |&i: &u32| !near.interior[i as usize] && !is_end[i as usize];
+    let open: Vec<u32> = surface.doubtful.iter().map(|&v| near.of[v]).filter(is_open).collect();
+    let found: Vec<f64> = open.par_iter().map(|&i| defect(surface, near.verts[i as usize])).collect();
     let mut defects = vec![0.0; near.verts.len()];
-    let found: Vec<f64> = surface.doubtful.par_iter().map(|&v| defect(surface, v)).collect();
-    surface.doubtful.iter().zip(found).for_each(|(&v, defect)| defects[near.of[v] as usize] = defect);
+    open.iter().zip(found).for_each(|(&i, defect)| defects[i as usize] = defect);
     let defect = |i: u32| defects[i as usize];
     let stands_out = |&i: &u32| {
         let around = near.neighbours(i);
@@ -115,7 +121,7 @@ fn candidates(surface: &Surface) -> Vec<u32> {
             && defect(i) + around.iter().map(|&j| defect(j)).sum::<f64>() >= MIN_DEFECT
             && around.iter().all(|&j| (defect(j), j) < (defect(i), i))
     };
-    surface.doubtful.par_iter().map(|&v| near.of[v]).filter(stands_out).collect()
+    open.into_par_iter().filter(stands_out).collect()
 }
 
 /// What the angles round `v` lack to a full turn.
@@ -169,14 +175,14 @@ impl<'s, 'a> Patch<'s, 'a> {
 
     /// The sum of the unit normals of the faces at all samples.
     fn normal(&self) -> DVec3 {
-        let mesh = self.surface.mesh;
+        let Surface { mesh, face_normals, .. } = self.surface;
         let halves = self.verts.iter().flat_map(|&v| mesh.leaving(v));
-        halves.filter_map(|h| unit_normal(mesh.triangle(h.face()))).sum::<DVec3>().normalize_or_zero()
+        halves.map(|h| face_normals[h.face()]).sum::<DVec3>().normalize_or_zero()
     }
 
     /// The apex of the cone that the samples lie on, if they do and it can be put back.
-    fn apex(&self, chamfers: &[Half]) -> Option<Apex> {
-        let edges = self.own_edges(chamfers)?;
+    fn apex(&self, chamfers: &[Half], is_end: &[bool]) -> Option<Apex> {
+        let edges = self.own_edges(chamfers, is_end)?;
         let normal = self.normal();
         let is_convex = self.points.iter().map(|p| p.dot(normal)).sum::<f64>() < 0.0;
         let (cone, rms, n_samples) = self.cone(if is_convex { -normal } else { normal })?;
@@ -197,9 +203,10 @@ impl<'s, 'a> Patch<'s, 'a> {
     }
 
     /// The chamfer edges among the samples; none if one leads out of them.
-    fn own_edges(&self, chamfers: &[Half]) -> Option<Vec<Half>> {
-        let mesh = self.surface.mesh;
-        let edges = self.verts.iter().flat_map(|&v| mesh.leaving(v).iter().flat_map(|&h| [h, h.prev()]));
+    fn own_edges(&self, chamfers: &[Half], is_end: &[bool]) -> Option<Vec<Half>> {
+        let Surface { mesh, near, .. } = self.surface;
+        let ends = self.verts.iter().filter(|&&v| is_end[near.of[v] as usize]);
+        let edges = ends.flat_map(|&v| mesh.leaving(v).iter().flat_map(|&h| [h, h.prev()]));
         let mut edges: Vec<Half> =
             edges.map(|h| mesh.edge(h)).filter(|h| chamfers.binary_search(h).is_ok()).collect();
         edges.sort_unstable();
@@ -218,7 +225,9 @@ impl<'s, 'a> Patch<'s, 'a> {
         let guess = Cone { apex: DVec3::ZERO, down, angle: f64::atan2(far, deep) };
         let (inner, outer, all) =
             (self.ring(INNER), self.ring(OUTER..f64::MAX), self.ring(INNER.start..f64::MAX));
-        if inner.len() < MIN_SAMPLES || outer.len() < MIN_SAMPLES {
+        // All of a cone is below its tip; of most that is none something is not, and no fit has to say so.
+        let is_below = outer.iter().all(|p| p.dot(down) > 0.0);
+        if inner.len() < MIN_SAMPLES || outer.len() < MIN_SAMPLES || !is_below {
             return None;
         }
         let Fitted { cone, spread } = guess.fit(&outer)?;
@@ -373,7 +382,8 @@ mod tests {
             let m = graph(height);
             let (normals, labels) = labels(&m);
             let surface = Surface::new(&m, &normals, &labels);
-            assert!(!candidates(&surface).is_empty(), "{what}: nothing was looked at");
+            let is_end = vec![false; surface.near.verts.len()];
+            assert!(!candidates(&surface, &is_end).is_empty(), "{what}: nothing was looked at");
             assert!(run(&m).apexes.is_empty(), "{what}");
         };
         none("a hyperboloid", &|x, y| -(x * x + y * y + 0.2).sqrt());
@@ -425,7 +435,8 @@ mod tests {
         let surface = Surface::new(&m, &normals, &labels);
         let middle =
             (0..m.n_verts()).map(Vert::new).find(|&v| m.point(v).truncate().length() < 0.51).unwrap();
-        let mut chamfers: Vec<Half> = m.leaving(middle).iter().map(|&h| m.edge(h)).collect();
+        // The edges across from the vertex next to the apex.
+        let mut chamfers: Vec<Half> = m.leaving(middle).iter().map(|h| m.edge(h.next())).collect();
         chamfers.sort_unstable();
         let apexes = find(&surface, &chamfers);
         assert_eq!(apexes[0].edges, chamfers);
@@ -447,10 +458,11 @@ mod tests {
         assert_eq!(crate::regions::kept(&candidates, &strip_of, &strips), far);
         let fates: Vec<_> = strips.iter().map(|strip| (strip.n_edges, strip.fate)).collect();
         assert_eq!(fates, [(2, Fate::Kept), (chamfers.len(), Fate::Cone)]);
-        // From the apex on: seven edges lead out of its patch.
-        let mut line = vec![middle];
+        // Seven edges from a neighbour on lead out of the patch.
+        let along = |h: &&Half| m.point(m.to(**h)).y == m.point(middle).y;
+        let mut line = vec![m.to(*m.leaving(middle).iter().find(along).unwrap())];
         while line.len() < 8 {
-            let next = |h: &&Half| m.point(m.to(**h)).y == m.point(middle).y && !line.contains(&m.to(**h));
+            let next = |h: &&Half| along(h) && m.to(**h) != middle && !line.contains(&m.to(**h));
             line.push(m.to(*m.leaving(line[line.len() - 1]).iter().find(next).unwrap()));
         }
         let edge = |pair: &[Vert]| m.edge(m.half_between(pair[0], pair[1]).unwrap());

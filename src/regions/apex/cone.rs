@@ -16,7 +16,10 @@ use glam::DVec3;
 use nalgebra::{SMatrix, SVector};
 
 /// Steps at most: from a guess whose axis is 20 degrees off, six leave nothing that a float can see.
-const MAX_STEPS: usize = 12;
+const MAX_STEPS: usize = 8;
+/// An apex that goes farther than this from the origin, in units of the points, does not come back: most that is no cone
+/// ends here.
+const FARTHEST: f64 = 8.0;
 /// A step that moves the apex by less than this (in units of the points) and turns nothing by more is the last.
 const LAST_STEP: f64 = 1e-9;
 /// Half the angles at the apex that a cone may have on the way, in radians: beyond it is a line or a plane.
@@ -92,7 +95,8 @@ impl Cone {
             self.apex += DVec3::new(step[0], step[1], step[2]);
             self.down = (self.down + step[3] * e + step[4] * f).try_normalize()?;
             self.angle += step[5];
-            if !self.apex.is_finite() || !ANGLES.contains(&self.angle) {
+            let is_near = self.apex.length_squared() <= FARTHEST * FARTHEST; // Not if it is not a number.
+            if !is_near || !ANGLES.contains(&self.angle) {
                 return None;
             }
             if step.amax() < LAST_STEP {
