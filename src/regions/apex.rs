@@ -18,6 +18,7 @@
 //! Cost: O(doubtful vertices) for the angles, some 20 microseconds for each of the few that stand out, in parallel.
 
 mod cone;
+mod valleys;
 
 use std::f64::consts::{PI, TAU};
 
@@ -80,6 +81,9 @@ pub struct Apex {
     pub n_samples: usize,
     /// Their residual, in mean edge lengths.
     pub rms: f64,
+    cone: Cone,
+    /// Whether the tip sticks out; else it is the bottom of a pit.
+    is_convex: bool,
     /// The vertices that move, and where to.
     moved: Vec<(Vert, DVec3)>,
     /// Chamfer edges on the cone, which are none.
@@ -197,6 +201,8 @@ impl<'s, 'a> Patch<'s, 'a> {
             point: place(cone.apex),
             n_samples,
             rms,
+            cone: Cone { apex: place(cone.apex), ..cone },
+            is_convex,
             moved: moved.into_iter().map(|(v, p)| (v, place(p))).collect(),
             edges,
         })
@@ -479,6 +485,8 @@ mod tests {
             point: DVec3::ZERO,
             n_samples: 0,
             rms: 0.0,
+            cone: Cone { apex: DVec3::ZERO, down: DVec3::Z, angle: 0.5 },
+            is_convex: true,
             moved,
             edges: Vec::new(),
         };
