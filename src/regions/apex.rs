@@ -13,6 +13,8 @@
 //! edges, by the angles that are missing round vertices, and believed only if *all* samples within reach lie on one
 //! cone, those of the tip too: a tip that is round does not lie on the cone of its sides.
 //!
+//! No vertex is inserted; edges that cut into the cone beside the apex are flipped (`valleys.rs`).
+//!
 //! Based on: nothing in the papers, which recover edges only.
 //! In/out: `Surface` + chamfers -> `Apex`es, ascending.
 //! Cost: O(doubtful vertices) for the angles, some 20 microseconds for each of the few that stand out, in parallel.
