@@ -75,6 +75,36 @@ def icosahedron():
     return Manifold.hull_points(np.array([np.roll(p, i) for p in points for i in range(3)]))
 
 
+def flatcone():
+    """Return a cylinder with a flat cone on top, whose sides rise at 27 degrees only."""
+    cone = Manifold.cylinder(0.35, 0.7, 0, CIRCLE).translate((0, 0, 0.5))
+    return Manifold.batch_hull([Manifold.cylinder(0.5, 0.7, 0.7, CIRCLE), cone])
+
+
+def needle():
+    """Return a slim cone: its sides are 11 degrees from its axis."""
+    return Manifold.cylinder(1.6, 0.3, 0, CIRCLE, True)
+
+
+def conepit():
+    """Return a block with a conical pit: a concave apex."""
+    pit = Manifold.cylinder(0.5, 0, 0.5, CIRCLE).translate((0, 0, 0.1))
+    # The cone ends exactly in the block's top face, where a difference is ambiguous.
+    above = Manifold.cylinder(0.2, 0.5, 0.5, CIRCLE).translate((0, 0, 0.6))
+    return Manifold.cube((1.4, 1.4, 1.2), True) - (pit + above)
+
+
+def roundcone(radius):
+    """Return a cone with a round tip: there is no apex to recover."""
+    slope = np.arctan(0.5)
+    ball = Manifold.sphere(radius, SPHERE)
+    # The ball touches the sides of the cone with half that slope.
+    top = 0.6 - radius / np.sin(slope)
+    low = top + radius * np.sin(slope)
+    base = Manifold.cylinder(low + 0.6, 0.6, radius * np.cos(slope), CIRCLE)
+    return Manifold.batch_hull([base.translate((0, 0, -0.6)), ball.translate((0, 0, top))])
+
+
 def rounded_block(radius):
     """Return a block with round edges."""
     ball = Manifold.sphere(radius, SPHERE)
@@ -92,6 +122,11 @@ SHAPES = {
     "cylinder": lambda: Manifold.cylinder(1.6, 0.5, 0.5, CIRCLE, True),
     "saddle": saddle,
     "cone": lambda: Manifold.cylinder(1.2, 0.6, 0, CIRCLE, True),
+    "flatcone": flatcone,
+    "needle": needle,
+    "conepit": conepit,
+    "roundcone_big": lambda: roundcone(0.15),
+    "roundcone_small": lambda: roundcone(0.04),
     "pyramid": pyramid,
     "wedge": wedge,
     "star": star,

@@ -76,12 +76,19 @@ impl Now {
 }
 
 impl<'m> Excerpt<'m> {
-    /// Cuts out so many `rings` of faces round those that are `split`.
-    pub(crate) fn new(before: &'m Mesh, inserts: &'m Inserts, split: &Split, rings: usize) -> Self {
+    /// Cuts out so many `rings` of faces round those that are `split` and those at `tips`.
+    pub(crate) fn new(
+        before: &'m Mesh,
+        inserts: &'m Inserts,
+        split: &Split,
+        tips: &[Vert],
+        rings: usize,
+    ) -> Self {
         let (n_verts, n_faces) = (before.n_verts(), before.n_faces());
         let mut faces = Subset::of(n_faces, split.faces.iter().copied());
         let mut verts = Subset::of(n_verts, []);
         let mut ring = add(&mut verts, split.faces.par_iter().flat_map_iter(|&f| before.corners(f)));
+        ring.extend(tips.iter().copied().filter(|&v| verts.insert(v)));
         let mut whole = Subset::of(n_verts, []);
         for _ in 0..rings {
             whole = verts.clone();
@@ -104,6 +111,11 @@ impl<'m> Excerpt<'m> {
     /// The old vertices, ascending, as vertices of the whole mesh.
     pub(crate) fn old_verts(&self) -> &[Vert] {
         self.verts.members()
+    }
+
+    /// The vertex of the excerpt that is old vertex `v` of the whole mesh.
+    pub(crate) fn own(&self, v: Vert) -> Option<Vert> {
+        self.verts.rank(v).map(Vert::new)
     }
 
     /// The vertex of the whole refined mesh that is vertex `v` of the excerpt.
@@ -293,7 +305,7 @@ mod tests {
         let split = split(&m, &inserts).unwrap();
         // Old vertices that are so many squares away from the split one, to the left and below, ask for their faces.
         let is_too_small = |rings: usize, away: usize| {
-            let excerpt = Excerpt::new(&m, &inserts, &split, rings);
+            let excerpt = Excerpt::new(&m, &inserts, &split, &[], rings);
             let edit = Edit::new(&excerpt.refined, excerpt.n_old(), &excerpt.is_whole);
             let v = Vert::new(N * N / 2 - (N + 1) * away);
             let own = excerpt.old_verts().binary_search(&v).expect("it is in the excerpt");
@@ -312,7 +324,7 @@ mod tests {
         let split = split(&m, &inserts).unwrap();
         let expected = refine(&m, &inserts).unwrap();
         for rings in 1..=5 {
-            let excerpt = Excerpt::new(&m, &inserts, &split, rings);
+            let excerpt = Excerpt::new(&m, &inserts, &split, &[], rings);
             let edit = Edit::new(&excerpt.refined, excerpt.n_old(), &excerpt.is_whole);
             let edited = edit.finish(&m, &inserts, |v| excerpt.whole(v)).unwrap();
             let Rejoined { mesh, lineage, replaced, now } = excerpt.rejoin(edited, true);

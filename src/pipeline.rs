@@ -40,6 +40,7 @@ pub(crate) fn sharpen(
 
     if let Some(regions) = &chamfers.regions {
         report.found.chamfer_edges = regions.chamfers.len();
+        report.found.apexes = regions.apexes.len();
         let verdict = || verdict(mesh, regions, &chamfers.placement);
         report.verdict = options.keep_verdict.then(|| seconds.time("verdict", verdict));
     }
@@ -156,13 +157,20 @@ fn clean(
 ) -> Result<Cleaned, MeshError> {
     let inserts = &chamfers.placement.inserts;
     let mut rings = if chamfers.regions.is_some() { UNTANGLING_RINGS } else { RINGS };
+    let apexes = chamfers.regions.as_ref().map_or(&[][..], |regions| &regions.apexes);
+    let tips: Vec<Vert> = apexes.iter().map(|apex| apex.vertex).collect();
     let rejoined = loop {
-        let excerpt = Excerpt::new(mesh, inserts, &split, rings);
+        let excerpt = Excerpt::new(mesh, inserts, &split, &tips, rings);
         let mut edit = Edit::new(&excerpt.refined, excerpt.n_old(), &excerpt.is_whole);
         match &chamfers.regions {
             None => report.degenerate_faces = Some(mend_degenerate_faces(&excerpt, chamfers, &mut edit)),
             Some(regions) => {
-                report.untangled = Some(untangle_excerpt(mesh, &excerpt, chamfers, regions, &mut edit))
+                let mut counts = untangle_excerpt(mesh, &excerpt, chamfers, regions, &mut edit);
+                let own = apexes.iter().filter_map(|apex| Some((apex, excerpt.own(apex.vertex)?)));
+                own.for_each(|(apex, tip)| {
+                    counts.flipped += apex.flip_valleys(tip, regions.mean_edge, &mut edit)
+                });
+                report.untangled = Some(counts);
             }
         }
         if !edit.is_at_fringe() {
@@ -229,5 +237,7 @@ fn find_tags(mesh: &Mesh, chamfers: &Chamfers, cleaned: &Cleaned, method: Method
     };
     let old = old.into_iter().map(|h| [mesh.from(h), mesh.to(h)]);
     let created = cleaned.created.iter().copied().filter(|edge| edge.iter().all(is_tagged));
-    Tags::where_bent(&cleaned.mesh, old.chain(created).map(now))
+    let bent = Tags::where_bent(&cleaned.mesh, old.chain(created).map(now));
+    let apexes = chamfers.regions.iter().flat_map(|regions| &regions.apexes);
+    bent.with_tagged(apexes.map(|apex| cleaned.now.of(apex.vertex)))
 }

@@ -11,13 +11,14 @@
 //! ```
 //!
 //! Based on: REGIONS.md steps 1 to 9, labels that are carried along (`grow.rs`) and creases that fade
-//! (`fade.rs`); it replaces the papers' filters 1 to 6, but for the smooth edges.
+//! (`fade.rs`); it replaces the papers' filters 1 to 6, but for the smooth edges. Tips of cones (`apex.rs`).
 //! Differs: vertices count as deep by their neighbours alone, not by a distance as well (step 2; it made
 //! no measurable difference). A patch has at most [`patch::MAX_MEMBERS`] vertices. Interior vertices keep
 //! to their own region.
 //! In/out: `Mesh` + face normals `[F]` + `Labels` (smooth edges, interior vertices) -> `RegionLabels`.
 //! Cost: O(V) plus some 10 microseconds per doubtful vertex, in parallel.
 
+mod apex;
 mod ends;
 mod fade;
 mod fits;
@@ -41,6 +42,7 @@ use crate::fit::{Fit, FitSource};
 use crate::geometry::unit_normal;
 use crate::mesh::{Face, Half, Mesh, PerFace, PerHalf, PerVert, Vert};
 
+pub use apex::Apex;
 pub use fits::VertexFits;
 pub use gates::{Fate, OffSurface, Strip};
 pub use place::{MAX_SHIFT, place_by_fits};
@@ -101,7 +103,10 @@ pub struct RegionLabels {
     pub off_surface: OffSurface,
     /// Whether the samples are noisy.
     pub is_noisy: bool,
-    /// The vertices that are therefore moved onto their fit, ascending, and where to.
+    /// The tips of cones, ascending.
+    pub apexes: Vec<Apex>,
+    /// The vertices that move onto their fit, as samples are off the surface or noisy, or onto the cone of an apex,
+    /// ascending, and where to.
     pub moved: Vec<(Vert, DVec3)>,
 }
 
@@ -205,9 +210,11 @@ pub fn label_by_fits(mesh: &Mesh, face_normals: &PerFace<DVec3>, labels: &Labels
     if fade::can_follow(noise, off_surface.is_likely()) {
         fade::follow(&surface, &fits, &mut candidates, &mut strip_of, &mut strips);
     }
+    let apexes = apex::find(&surface, &kept(&candidates, &strip_of, &strips));
+    apex::cancel_edges(&apexes, &candidates, &mut strip_of, &mut strips);
     let chamfers = kept(&candidates, &strip_of, &strips);
     let is_noisy = noise::is_noisy(&surface, &fits, noise);
-    let moved = if is_noisy {
+    let mut moved = if is_noisy {
         let zone = noise::zone_of(&surface, &chamfers);
         noise::fit_again(&surface, &mut fits, &zone);
         noise::moves(&surface, &fits, &zone)
@@ -216,6 +223,7 @@ pub fn label_by_fits(mesh: &Mesh, face_normals: &PerFace<DVec3>, labels: &Labels
     } else {
         Vec::new()
     };
+    apex::add_moves(&apexes, &mut moved);
     let corner_faces = corner_faces(mesh, &chamfers);
     let Surface { h: mean_edge, interior: interior_vertex, deep: deep_vertex, red_face, .. } = surface;
     RegionLabels {
@@ -232,6 +240,7 @@ pub fn label_by_fits(mesh: &Mesh, face_normals: &PerFace<DVec3>, labels: &Labels
         corner_faces,
         off_surface,
         is_noisy,
+        apexes,
         moved,
     }
 }

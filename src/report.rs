@@ -84,6 +84,8 @@ pub struct Found {
     pub chamfer_edges: usize,
     /// Corner triangles (green).
     pub corner_triangles: usize,
+    /// Tips of cones.
+    pub apexes: usize,
 }
 
 impl Found {
@@ -98,6 +100,7 @@ impl Found {
             red_faces: count(labels.red_face.as_slice()),
             chamfer_edges: edges(&labels.chamfer_edge),
             corner_triangles: labels.corner_faces.len(),
+            apexes: 0,
         }
     }
 }

@@ -140,9 +140,10 @@ fn summary(input: &Path, report: &Report) -> String {
     if !report.changed {
         return format!("{name}: nothing to sharpen in {} faces", report.input.faces);
     }
+    let corners = report.found.corner_triangles + report.found.apexes;
     format!(
         "{name}: {} chamfer edges and {} corners; {moved} of {inserted} new vertices on the feature; {} -> {} faces",
-        report.found.chamfer_edges, report.found.corner_triangles, report.input.faces, report.output.faces,
+        report.found.chamfer_edges, corners, report.input.faces, report.output.faces,
     )
 }
 

@@ -42,6 +42,13 @@ impl Tags {
         Self { sharp, tagged }
     }
 
+    /// The same tags and these tagged vertices: corners without a sharp edge, as the tips of cones are.
+    #[must_use]
+    pub fn with_tagged(self, vertices: impl IntoIterator<Item = Vert>) -> Self {
+        let mut vertices = vertices.into_iter().peekable();
+        if vertices.peek().is_none() { self } else { Self::new(self.sharp, vertices.chain(self.tagged)) }
+    }
+
     /// The papers' sharp edges: every edge of `mesh` between two of the `tagged` vertices.
     #[must_use]
     pub fn between_tagged(mesh: &Mesh, tagged: impl IntoIterator<Item = Vert>) -> Self {
@@ -194,6 +201,14 @@ mod tests {
         let m = mesh(&[[0.; 3], [1., 0., 0.], [1., 1., 0.], [0., 1., 0.]], &[[0, 1, 2], [0, 2, 3]]);
         let tags = Tags::new([[Vert::new(2), Vert::new(0)], [Vert::new(1), Vert::new(3)]], []);
         assert_eq!(tags.sharp_halves(&m).as_slice(), [false, false, true, true, false, false]);
+    }
+
+    #[test]
+    fn more_vertices_are_tagged_without_a_sharp_edge() {
+        let v = Vert::new;
+        let tags = Tags::new([[v(4), v(2)]], []).with_tagged([v(7), v(3), v(4)]);
+        assert_eq!((tags.sharp_edges(), tags.tagged()), (&[[v(2), v(4)]][..], &[v(2), v(3), v(4), v(7)][..]));
+        assert_eq!(tags.clone().with_tagged([]), tags);
     }
 
     #[test]

@@ -68,6 +68,37 @@ fn the_sharp_edges_of_a_cube_are_its_twelve_edges() {
     assert!((total - 24.0).abs() < 1e-9, "{total}");
 }
 
+#[test]
+fn the_tip_of_a_cone_is_a_corner_and_stays_where_it_is() {
+    // Over a grid of squares, none of whose vertices is the tip.
+    let n = 24;
+    let xy = |k: usize| [(k / (n + 1)) as f64 - 11.7, (k % (n + 1)) as f64 - 12.4];
+    let points = (0..(n + 1) * (n + 1)).map(xy).map(|[x, y]| DVec3::new(x, y, -1.5 * x.hypot(y))).collect();
+    let square = |k: usize| {
+        let [i, j] = [k / n, k % n];
+        let [a, b, c, d] =
+            [[i, j], [i + 1, j], [i + 1, j + 1], [i, j + 1]].map(|[i, j]| Vert::new(i * (n + 1) + j));
+        [[a, b, c], [a, c, d]]
+    };
+    let cone = Mesh::new(points, (0..n * n).flat_map(square).collect()).unwrap();
+    let options = Options { bend: 1, denoise: 2, keep_verdict: true, ..Options::default() };
+    let sharpened = sharpen(&cone, &options).unwrap();
+    let report = &sharpened.report;
+    assert_eq!((report.found.apexes, report.found.chamfer_edges, report.moved_vertices), (1, 0, 1));
+    assert_eq!(report.verdict.as_ref().unwrap().corners.len(), 1);
+    let [tip] = sharpened.tags.tagged() else { panic!("{:?}", sharpened.tags) };
+    let tip = sharpened.mesh.point(*tip);
+    assert!(tip.length() < 1e-9, "{tip}");
+    // Without denoising all other vertices of the file keep their bits, and so does everything by the paper.
+    let plain = run(&cone, Method::Regions);
+    let (now, was) = (bits(plain.mesh.points()), bits(cone.points()));
+    assert_eq!(now.iter().zip(&was).filter(|(now, was)| now != was).count(), 1);
+    assert_eq!((plain.mesh.n_faces(), euler(&plain.mesh)), (cone.n_faces(), euler(&cone)));
+    let paper = run(&cone, Method::Paper);
+    assert_eq!(bits(&paper.mesh.points()[..cone.n_verts()]), bits(cone.points()));
+    assert_eq!(paper.report.found.apexes, 0);
+}
+
 fn bracket(name: &str) -> Mesh {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("testdata").join(name);
     let model = sharpen::io::read(&path).unwrap();

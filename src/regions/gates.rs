@@ -70,6 +70,8 @@ pub enum Fate {
     Guessed,
     /// It is short, and most of what is round it was left alone.
     Fragment,
+    /// It lies on a cone that ends in an apex.
+    Cone,
 }
 
 impl std::fmt::Display for Fate {
@@ -81,6 +83,7 @@ impl std::fmt::Display for Fate {
             Self::Round => "rounded",
             Self::Guessed => "short, made of guesses",
             Self::Fragment => "a fragment of what was left alone",
+            Self::Cone => "on a cone beside its apex",
         })
     }
 }

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
-use super::{Fate, RegionLabels};
+use super::{Apex, Fate, RegionLabels};
 use crate::fit::{Fit, FitSource};
 use crate::mesh::{Face, Half, Mesh, Vert};
 use crate::place::{Outcome, Placement};
@@ -14,7 +14,7 @@ use crate::place::{Outcome, Placement};
 pub struct Support {
     /// Where one of its new vertices is: where to look.
     pub at: [f64; 3],
-    /// Chamfer edges that it was made of; three for a corner.
+    /// Chamfer edges that it was made of; three for a corner, none for the tip of a cone.
     pub edges: usize,
     /// Fewest samples that a fit beside it rests on; 0 for a guess.
     pub least_samples: usize,
@@ -68,9 +68,10 @@ pub fn verdict(mesh: &Mesh, labels: &RegionLabels, placement: &Placement) -> Ver
         creases(mesh, labels).iter().map(|edges| support(edges, inserted(edges[0]))).collect();
     creases.sort_by_key(|crease| std::cmp::Reverse(crease.edges));
     let corner = |&f: &Face| Some(support(&f.halves(), placement.inserts.centre(f)?));
+    let corners = labels.corner_faces.iter().filter_map(corner);
     Verdict {
         creases,
-        corners: labels.corner_faces.iter().filter_map(corner).collect(),
+        corners: corners.chain(labels.apexes.iter().map(support_of_apex)).collect(),
         edges,
         recovered: recovered as f64 / all,
         abstained: abstained.into_iter().map(|(fate, n)| (fate, n as f64 / all)).collect(),
@@ -123,6 +124,18 @@ fn support(mesh: &Mesh, labels: &RegionLabels, placement: &Placement, edges: &[H
         rms: fits.iter().map(|fit| fit.rms).sum::<f64>() / fits.len().max(1) as f64,
         guessed: share(n_guesses, fits.len()),
         placed: share(edges.iter().filter(is_placed).count(), edges.len()),
+    }
+}
+
+/// What speaks for the tip of a cone.
+fn support_of_apex(apex: &Apex) -> Support {
+    Support {
+        at: apex.point.to_array(),
+        least_samples: apex.n_samples,
+        mean_samples: apex.n_samples as f64,
+        rms: apex.rms,
+        placed: 1.0,
+        ..Support::default()
     }
 }
 
