@@ -168,6 +168,23 @@ pub fn nearest_on_all(planes: &[Plane], from: DVec3, cutoff: f64) -> (DVec3, f64
     (from + DVec3::new(step.x, step.y, step.z), smallest)
 }
 
+/// The distance of a point from a triangle; from the nearest of its sides where it has no area.
+#[must_use]
+pub fn distance_to_triangle(p: DVec3, [a, b, c]: [DVec3; 3]) -> f64 {
+    let to_side = |(a, b): (DVec3, DVec3)| {
+        let along = b - a;
+        let share = (p - a).dot(along) / along.length_squared();
+        p.distance(if share > 0.0 { a + share.min(1.0) * along } else { a })
+    };
+    let normal = (b - a).cross(c - a);
+    let sides = [(a, b), (b, c), (c, a)];
+    let is_over = sides.iter().all(|&(q, r)| (r - q).cross(p - q).dot(normal) >= 0.0);
+    if is_over && normal != DVec3::ZERO {
+        return (p - a).dot(normal).abs() / normal.length();
+    }
+    sides.map(to_side).into_iter().fold(f64::INFINITY, f64::min)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -249,5 +266,16 @@ mod tests {
         let (point, smallest) = nearest_on_all(&planes, dvec3(0., 0., 7.), 0.1);
         assert_relative_eq!(point.distance(dvec3(1., 2., 7.)), 0.0, epsilon = 1e-12);
         assert!(smallest < 1e-7, "{smallest}");
+    }
+
+    #[test]
+    fn a_triangle_is_as_far_away_as_its_nearest_point() {
+        let t = [DVec3::ZERO, DVec3::new(4.0, 0.0, 0.0), DVec3::new(0.0, 4.0, 0.0)];
+        let from = |x, y, z| distance_to_triangle(DVec3::new(x, y, z), t);
+        assert_eq!(from(1.0, 1.0, -3.0), 3.0, "inside");
+        assert_eq!(from(2.0, -3.0, 4.0), 5.0, "a side");
+        assert_eq!(from(7.0, -4.0, 0.0), 5.0, "a corner");
+        assert_eq!(distance_to_triangle(DVec3::Z, [DVec3::ZERO; 3]), 1.0);
+        assert_eq!(distance_to_triangle(DVec3::Z, [DVec3::ZERO, DVec3::X, 2.0 * DVec3::X]), 1.0);
     }
 }

@@ -8,7 +8,7 @@ use crate::geometry::{angle_between, unit_normal};
 use crate::mesh::{Face, Vert};
 
 /// An edge with a larger dihedral angle is a fold, in radians: 150 degrees.
-const FOLD_ANGLE: f64 = 150.0 * std::f64::consts::PI / 180.0;
+pub(super) const FOLD_ANGLE: f64 = 150.0 * std::f64::consts::PI / 180.0;
 /// A flip must lower the largest of the five dihedral angles by this, in radians: 1 degree.
 const MIN_FALL: f64 = std::f64::consts::PI / 180.0;
 /// Twice the area of a new triangle over the square of its longest side: less is a sliver.

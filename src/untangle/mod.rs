@@ -11,7 +11,8 @@
 //! vertex with a label) predicts. Every operation must lower the summed energy of the faces that it
 //! touches and keep them on their fits. First short edges are collapsed; then bad faces are mended,
 //! worst first; what nothing else cures goes back towards the middle; then slivers are cleared, and
-//! edges that still fold are flipped; last, bad faces that cut others are pulled out of them.
+//! edges that still fold are flipped; vertices that lie so low over a crease that it may run beyond them are
+//! collapsed; last, bad faces that cut others are pulled out of them.
 //!
 //! Based on: nothing in the papers, whose clean-up only looks at angles below 1 degree.
 //! In/out: edits the refined mesh in place, in the *zone* only: the faces at vertices of split faces.
@@ -20,6 +21,7 @@
 
 mod cross;
 mod fold;
+mod low;
 mod moves;
 
 use glam::DVec3;
@@ -57,7 +59,7 @@ pub struct UntangleCounts {
     pub bad_before: usize,
     /// Bad faces and slivers that nothing mended.
     pub left: usize,
-    /// Edges collapsed, short ones included.
+    /// Edges collapsed, short ones and those of low faces included.
     pub collapsed: usize,
     /// Edges flipped.
     pub flipped: usize,
@@ -127,6 +129,7 @@ pub(crate) fn untangle(context: &Context<'_>, edit: &mut Edit<'_>) -> UntangleCo
     zone.collapse_short_edges(&mut counts);
     zone.mend(bad, &mut counts);
     zone.flip_folds(&mut counts);
+    zone.collapse_low_faces(&mut counts);
     zone.uncross(&mut counts);
     counts.left = zone.bad_faces().len();
     counts

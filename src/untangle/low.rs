@@ -1,0 +1,231 @@
+//! Collapses vertices that lie so low over a crease edge that the crease may in truth run beyond them.
+//!
+//! ```text
+//!      w-------x                w-------x       A crease is as far out of place as its fits are uncertain.
+//!      |`.   .´|                |`-.    |       Where it is out by a third of the height of face a-b-v,
+//!      |  `v´  |                |   `-. |       the middle of that face lies beyond the true crease, on a
+//!      | .´ `. |                |      `|       face that it is turned away from. The higher face a-b-w
+//!   ---a-------b--- crease   ---a-------b---    bears more.
+//! ```
+//!
+//! Based on: nothing in the papers.
+//! In/out: collapses vertices of the zone that are on no crease, old or inserted.
+//! Cost: O(faces of the zone) to find low faces, parallel; O(valence²) for each.
+
+use glam::DVec3;
+use rayon::prelude::*;
+
+use super::fold::FOLD_ANGLE;
+use super::{UntangleCounts, Zone};
+use crate::geometry::{distance_to_triangle, unit_normal};
+use crate::mesh::{Face, Vert};
+
+/// A face is low below this many times the residual of the fits beside its crease edge: the crease is out of
+/// place by about as much, at blunt angles by more. Where fits are exact, no sample is lost. At 3 a seventh
+/// fewer turned faces vanish; at 30 half as many vertices again go, for no more ...
+const HEIGHT_IN_RMS: f64 = 10.0;
+/// ... and below this height, in mean edge lengths: at 0.2 an eighth fewer turned faces vanish.
+const MAX_HEIGHT: f64 = 0.3;
+/// The lowest face over a crease edge must become higher by this factor: otherwise nothing is gained.
+const MIN_RISE: f64 = 1.5;
+/// The surface may depart from the fits, and from the vertex that goes, by this (in mean edge lengths): without a
+/// limit a cylinder's largest error grows by half and a blockhole loses 2 % of L2 ...
+const MAX_OFF: f64 = 0.01;
+/// ... or by as much as it did, up to this: at 0.2 a fandisk loses 1 % of L2.
+const MAX_OFF_BEFORE: f64 = 0.1;
+/// Twice the area of a new face over the square of its longest side: less is no better than the low face, unless a
+/// face was worse before.
+const MIN_SHAPE: f64 = 0.05;
+/// Of the vertices to collapse into the one with the best shape wins; so much of it is worth one mean edge length of
+/// departure.
+const OFF_WEIGHT: f64 = 10.0;
+/// The second round finds what the first one left low.
+const ROUNDS: usize = 2;
+
+/// A low face, of whose vertices the one on no crease belongs to a split face.
+struct Low {
+    height: f64,
+    face: Face,
+    /// The vertex that is on no crease.
+    vert: Vert,
+}
+
+impl Zone<'_, '_, '_> {
+    /// Collapses vertices that lie low over crease edges, the lowest first.
+    pub(super) fn collapse_low_faces(&mut self, counts: &mut UntangleCounts) {
+        for _ in 0..ROUNDS {
+            let standing = self.faces.par_iter().filter(|&&f| self.edit.stands(f));
+            let mut low: Vec<Low> = standing.filter_map(|&f| self.low(f)).collect();
+            low.sort_unstable_by(|x, y| x.height.total_cmp(&y.height).then(x.face.cmp(&y.face)));
+            let mut n_collapsed = 0;
+            for Low { face, .. } in low {
+                if self.edit.stands(face)
+                    && let Some(Low { height, vert, .. }) = self.low(face)
+                    && let Some(kept) = self.best_neighbour(vert, height)
+                {
+                    self.collapse(vert, kept);
+                    n_collapsed += 1;
+                }
+            }
+            if n_collapsed == 0 {
+                break;
+            }
+            counts.collapsed += n_collapsed;
+        }
+    }
+
+    /// Whether `f` has a crease edge and is low over it.
+    fn low(&self, f: Face) -> Option<Low> {
+        let t = self.edit.corners(f);
+        let (height, vert) = self.height_over_crease(t)?;
+        if !self.is_inner[vert] {
+            return None;
+        }
+        let [a, b] = [0, 1].map(|i| if t[i] == vert { t[2] } else { t[i] });
+        let residual = |g: Face| self.fit(g).map_or(f64::INFINITY, |fit| fit.rms);
+        let doubt = self.beside(a, b).filter(|&g| self.in_zone(g)).map(residual).fold(0.0, f64::max);
+        (height < MAX_HEIGHT.min(HEIGHT_IN_RMS * doubt)).then_some(Low { height, face: f, vert })
+    }
+
+    /// The corner of a triangle that is on no crease, where the other two are joined by one, and how high it is over
+    /// that edge, in mean edge lengths.
+    fn height_over_crease(&self, t: [Vert; 3]) -> Option<(f64, Vert)> {
+        let i = (0..3)
+            .find(|&i| self.is_crease(t[(i + 1) % 3], t[(i + 2) % 3]) && self.crease(t[i]).is_empty())?;
+        let [p, a, b] = [t[i], t[(i + 1) % 3], t[(i + 2) % 3]].map(|v| self.edit.point(v));
+        Some(((a - p).cross(b - p).length() / (a.distance(b) * self.context.mean_edge), t[i]))
+    }
+
+    /// The neighbour of `v` to collapse it into, if any is fit for that. `height` is that of a low face at `v`.
+    fn best_neighbour(&mut self, v: Vert, height: f64) -> Option<Vert> {
+        let faces = self.edit.faces_at(v).to_vec();
+        let point = self.edit.point(v);
+        let limit = |off: f64| MAX_OFF.max(off.min(MAX_OFF_BEFORE));
+        let own = faces.iter().map(|&f| self.off_fit(point, f)).fold(0.0, f64::max);
+        let middles =
+            faces.iter().map(|&f| self.middles_off_fit(self.edit.triangle(f), f)).fold(0.0, f64::max);
+        let least_shape = faces.iter().map(|&f| shape(self.edit.triangle(f))).fold(MIN_SHAPE, f64::min);
+        let mut best: Option<(f64, Vert)> = None;
+        for kept in self.edit.link(v) {
+            if self.try_collapse(v, kept, true).is_none() {
+                continue;
+            }
+            let stay = || faces.iter().copied().filter(|&f| !self.edit.has_corner(f, kept));
+            let corners = |f: Face| self.edit.corners(f).map(|w| if w == v { kept } else { w });
+            let triangle = |f: Face| corners(f).map(|w| self.edit.point(w));
+            let new_shape = stay().map(|f| shape(triangle(f))).fold(f64::INFINITY, f64::min);
+            let heights = stay().filter_map(|f| self.height_over_crease(corners(f)));
+            let lowest = heights.map(|(height, _)| height).fold(f64::INFINITY, f64::min);
+            let off = stay().map(|f| self.middles_off_fit(triangle(f), f)).fold(0.0, f64::max);
+            let gap = stay().map(|f| distance_to_triangle(point, triangle(f))).fold(f64::INFINITY, f64::min);
+            let gap = gap / self.context.mean_edge;
+            let is_fit = new_shape >= least_shape
+                && lowest >= MIN_RISE * height
+                && off <= limit(middles)
+                && gap <= limit(own)
+                && !self.would_fold(v, kept, &faces);
+            let value = new_shape - OFF_WEIGHT * (gap + off);
+            if is_fit && best.is_none_or(|(most, _)| value > most) {
+                best = Some((value, kept));
+            }
+        }
+        best.map(|(_, kept)| kept)
+    }
+
+    /// How far `point` is from the fit of `f`, in mean edge lengths.
+    fn off_fit(&self, point: DVec3, f: Face) -> f64 {
+        self.fit(f).map_or(0.0, |fit| fit.evaluate(point, self.context.mean_edge).0.abs())
+    }
+
+    /// How far the middles of the sides and of the triangle are from the fit of `f` at most.
+    fn middles_off_fit(&self, [a, b, c]: [DVec3; 3], f: Face) -> f64 {
+        let middles = [a.midpoint(b), b.midpoint(c), c.midpoint(a), (a + b + c) / 3.0];
+        middles.into_iter().map(|p| self.off_fit(p, f)).fold(0.0, f64::max)
+    }
+
+    /// Whether a face that goes from `gone`, with `faces`, to `kept` would fold with a neighbour.
+    fn would_fold(&self, gone: Vert, kept: Vert, faces: &[Face]) -> bool {
+        let corners = |f: Face| self.edit.corners(f).map(|w| if w == gone { kept } else { w });
+        let normal = |f: Face| unit_normal(corners(f).map(|w| self.edit.point(w)));
+        let is_gone = |f: Face| faces.contains(&f) && self.edit.has_corner(f, kept);
+        let stay = || faces.iter().copied().filter(|&f| !is_gone(f));
+        stay().any(|f| {
+            let Some(n) = normal(f) else { return true };
+            let t = corners(f);
+            (0..3).map(|i| (t[i], t[(i + 1) % 3])).any(|(a, b)| {
+                let across = stay().chain(self.beside(a, b).filter(|g| !faces.contains(g)));
+                let mut across = across.filter(|&g| g != f && [a, b].iter().all(|w| corners(g).contains(w)));
+                across.any(|g| normal(g).is_none_or(|m| n.dot(m) < FOLD_ANGLE.cos()))
+            })
+        })
+    }
+}
+
+/// Twice the area of a triangle over the square of its longest side.
+fn shape([a, b, c]: [DVec3; 3]) -> f64 {
+    let longest = a.distance_squared(b).max(b.distance_squared(c)).max(c.distance_squared(a));
+    (b - a).cross(c - a).length() / longest
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::edit::Edit;
+    use crate::fit::{Fit, FitSource};
+    use crate::mesh::tests::mesh;
+    use crate::mesh::{Half, PerVert};
+    use crate::refine::{Inserts, refine};
+    use crate::untangle::Context;
+
+    // A sheet of 5 by 6 vertices in the plane, row after row from y = -2 to 3. The edges between the third and the
+    // fourth are split at y = 1/2: the new vertices make a crease there. The middle sample of the third row, vertex 12, is at
+    // `sample`.
+    fn collapsed(sample: DVec3, rms: f64) -> (usize, bool) {
+        let mut points: Vec<[f64; 3]> =
+            (0..30).map(|i| [f64::from(i % 5), f64::from(i / 5) - 2.0, 0.0]).collect();
+        points[12] = sample.to_array();
+        let square = |c: usize| [[c, c + 1, c + 6], [c, c + 6, c + 5]];
+        let corners = (0..25).filter(|c| c % 5 != 4).flat_map(square);
+        let before = mesh(&points, &corners.collect::<Vec<_>>());
+        let is_between = |h: Half| {
+            let rows = [before.from(h), before.to(h)].map(|v| v.index() / 5);
+            rows.contains(&2) && rows.contains(&3)
+        };
+        let mut inserts = Inserts::in_the_middle(&before, is_between, &[]);
+        inserts.points.iter_mut().for_each(|p| (p.y, p.z) = (0.5, 0.0));
+        let refined = refine(&before, &inserts).unwrap();
+        let plane = Fit { rms, ..Fit::plane(DVec3::ZERO, DVec3::Z, FitSource::Region) };
+        let context = Context {
+            before: &before,
+            refined: &refined,
+            n_old: before.n_verts(),
+            fits: PerVert::filled(before.n_verts(), Some(&plane)),
+            is_chamfer_end: &|_| false,
+            is_moved: &|_| true,
+            mean_edge: 1.0,
+        };
+        let is_whole = PerVert::filled(refined.mesh.n_verts(), true);
+        let mut edit = Edit::new(&refined, before.n_verts(), &is_whole);
+        let mut counts = UntangleCounts::default();
+        Zone::new(&context, &mut edit).collapse_low_faces(&mut counts);
+        let edited = edit.finish(&before, &inserts, |v| v).unwrap();
+        edited.mesh.check().unwrap();
+        assert!(edited.mesh.face_normals().as_slice().iter().all(|n| n.z > 0.5));
+        (counts.collapsed, edited.replaced == [Vert::new(12)])
+    }
+
+    #[test]
+    fn a_sample_goes_if_it_is_lower_than_the_crease_is_certain() {
+        let low = DVec3::new(2.0, 0.4, 0.0);
+        assert_eq!(collapsed(low, 0.02), (1, true));
+        assert_eq!(collapsed(low, 0.005), (0, false), "0.1 is more than ten times the residual");
+        assert_eq!(collapsed(DVec3::new(2.0, 0.15, 0.0), 0.1), (0, false), "no face is as low as 0.3");
+    }
+
+    #[test]
+    fn a_sample_stays_if_the_surface_would_depart_from_it() {
+        let lifted = |z: f64| collapsed(DVec3::new(2.0, 0.3, z), 0.05);
+        assert_eq!(lifted(0.08), (1, true), "it was off its fit by as much");
+        assert_eq!(lifted(0.12), (0, false));
+    }
+}
