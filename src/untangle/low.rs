@@ -39,6 +39,8 @@ const MIN_SHAPE: f64 = 0.05;
 /// Of the vertices to collapse into the one with the best shape wins; so much of it is worth one mean edge length of
 /// departure.
 const OFF_WEIGHT: f64 = 10.0;
+/// A vertex with more faces than this stays: trying all its neighbours takes time in the square of their number.
+const MAX_FAN: usize = 32;
 /// The second round finds what the first one left low.
 const ROUNDS: usize = 2;
 
@@ -78,7 +80,7 @@ impl Zone<'_, '_, '_> {
     fn low(&self, f: Face) -> Option<Low> {
         let t = self.edit.corners(f);
         let (height, vert) = self.height_over_crease(t)?;
-        if !self.is_inner[vert] {
+        if !self.is_inner[vert] || self.edit.faces_at(vert).len() > MAX_FAN {
             return None;
         }
         let [a, b] = [0, 1].map(|i| if t[i] == vert { t[2] } else { t[i] });
