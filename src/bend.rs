@@ -217,9 +217,10 @@ struct Shift {
 
 /// Holds what the stencil proposes against what the ends of the edge expect.
 ///
-/// * Where both ends expect nothing, or less than the step of the coordinates, the surface is flat and the curve straight, and the vertex stays in the
-///   middle: in a plane, what the stencils move about within it leaves faces that cut each other by the last
-///   bit of their coordinates (189 on cube remesh_8k, 128 on fandisk scan_20k).
+/// * Where both ends expect nothing, or less than the step of the coordinates, the surface is flat and the
+///   curve straight, and the vertex stays in the middle: in a plane, what the stencils move about within it
+///   leaves faces that cut each other by the last bit of their coordinates (189 on cube remesh_8k, 128 on
+///   fandisk scan_20k).
 /// * Along the normal a vertex goes to neither side of what both ends expect, nothing counted as well, and
 ///   no farther than [`BOLDNESS`] times what the bolder one expects. Stencils count neighbours and know
 ///   nothing of how far away they are; the normals do.

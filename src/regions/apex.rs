@@ -28,7 +28,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::Surface;
-use super::gates::{Fate, Strip};
+use super::gates::{Fate, Strip, set_apart};
 use crate::geometry::{angle_between, unit_normal};
 use crate::mesh::{Half, Vert};
 use cone::{Cone, Fitted};
@@ -303,16 +303,9 @@ pub(super) fn cancel_edges(
     strip_of: &mut [u32],
     strips: &mut Vec<Strip>,
 ) {
-    for apex in apexes.iter().filter(|apex| !apex.edges.is_empty()) {
-        let mut own: Option<Strip> = None;
-        for i in apex.edges.iter().filter_map(|h| candidates.binary_search(h).ok()) {
-            let strip = &mut strips[strip_of[i] as usize];
-            strip.n_edges -= 1;
-            let own = own.get_or_insert_with(|| Strip { n_edges: 0, fate: Fate::Cone, ..strip.clone() });
-            own.n_edges += 1;
-            strip_of[i] = strips.len() as u32;
-        }
-        strips.extend(own);
+    for apex in apexes {
+        let on_cone = |strip: &Strip| Strip { fate: Fate::Cone, ..strip.clone() };
+        set_apart(&apex.edges, candidates, strip_of, strips, on_cone);
     }
 }
 

@@ -13,7 +13,7 @@
 use rayon::prelude::*;
 
 use super::VertexFits;
-use super::gates::{Fate, Strip, Sums};
+use super::gates::{Fate, Strip, Sums, set_apart};
 use super::surface::Surface;
 use crate::mesh::{Half, Mesh};
 
@@ -57,13 +57,7 @@ pub(super) fn cancel_short_branches(
         if !is_wrong {
             continue;
         }
-        for h in branch {
-            if let Ok(i) = candidates.binary_search(&h) {
-                strips[strip_of[i] as usize].n_edges -= 1;
-                strip_of[i] = strips.len() as u32;
-            }
-        }
-        strips.push(strip);
+        set_apart(&branch, candidates, strip_of, strips, |_| strip);
     }
 }
 

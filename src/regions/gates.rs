@@ -196,6 +196,25 @@ fn cancel_fragments(strips: &mut [Strip]) {
     }
 }
 
+/// Makes a strip of its own of those of `edges` that are candidates: the one that `strip` makes of the strip that the
+/// first of them was in.
+pub(super) fn set_apart(
+    edges: &[Half],
+    candidates: &[Half],
+    strip_of: &mut [u32],
+    strips: &mut Vec<Strip>,
+    strip: impl FnOnce(&Strip) -> Strip,
+) {
+    let places: Vec<usize> = edges.iter().filter_map(|h| candidates.binary_search(h).ok()).collect();
+    let Some(&first) = places.first() else { return };
+    let own = Strip { n_edges: places.len(), ..strip(&strips[strip_of[first] as usize]) };
+    for i in places {
+        strips[strip_of[i] as usize].n_edges -= 1;
+        strip_of[i] = strips.len() as u32;
+    }
+    strips.push(own);
+}
+
 /// Numbers the groups of `edges` that share triangles, in the order of their lowest edges.
 fn group_by_triangles(mesh: &Mesh, edges: &[Half]) -> (Vec<u32>, usize) {
     let mut parents: Vec<u32> = (0..edges.len() as u32).collect();

@@ -88,20 +88,17 @@ pub(super) fn explain_by_regions(surface: &Surface) -> VertexFits {
         best(patch.clusters(), per_h, fit).filter(|fit| fit.displacement.abs() < EXPLAINED)
     };
     // In the order in which they lie in memory; first those that the interior ones may take theirs from.
-    let order = surface.near.verts.iter().copied().filter(|&v| fits.slot[v] != u32::MAX);
-    let (interior, others): (Vec<Vert>, Vec<Vert>) = order.partition(|&v| surface.interior[v]);
-    let scratch = || (Patch::default(), Vec::new(), Fitter::default());
+    let has_slot = |&v: &Vert| !surface.interior[v] && fits.slot[v] != u32::MAX;
+    let others: Vec<Vert> = surface.near.verts.iter().copied().filter(has_slot).collect();
+    let scratch = <(Patch, Vec<Sample>, Fitter)>::default;
     let found: Vec<_> = others.par_iter().with_min_len(MIN_TASK).map_init(scratch, explain).collect();
-    for (&v, fit) in others.iter().zip(found) {
+    for (v, fit) in others.into_iter().zip(found) {
         fits.fits[fits.slot[v] as usize] = fit;
     }
-    let take_or_explain =
-        |scratch: &mut _, v: &Vert| fit_from_beside(surface, &fits, *v).or_else(|| explain(scratch, v));
-    let found: Vec<_> =
-        interior.par_iter().with_min_len(MIN_TASK).map_init(scratch, take_or_explain).collect();
-    for (&v, fit) in interior.iter().zip(found) {
-        fits.fits[fits.slot[v] as usize] = fit;
-    }
+    let is_open = |v: Vert, _: Option<&Fit>| surface.interior[v];
+    explain_those(&mut fits, is_open, |scratch, fits, v| {
+        fit_from_beside(surface, fits, v).or_else(|| explain(scratch, &v))
+    });
     fits
 }
 

@@ -20,6 +20,8 @@
 //! In/out: strips that were left alone for what a round has -> which of them are kept after all.
 //! Cost: O(edges of these).
 
+use glam::DVec3;
+
 use super::gates::{Fate, LONG_STRIP, ROUND_GUESSED, STRIP_RMS, Strip};
 use super::{Surface, VertexFits};
 use crate::fit::{Fit, FitSource};
@@ -73,17 +75,16 @@ fn radii_at(surface: &Surface, fits: &VertexFits, h: Half) -> impl Iterator<Item
     let ends = [mesh.from(h), mesh.to(h)];
     let [p, q] = ends.map(|v| fits.get(v));
     let along = mesh.point(ends[1]) - mesh.point(ends[0]);
-    let radius = move |(v, own, other): (Vert, Option<&Fit>, Option<&Fit>)| {
+    let radius = move |(v, along, own, other): (Vert, DVec3, Option<&Fit>, Option<&Fit>)| {
         let own = own.filter(|own| own.source == FitSource::Region && !surface.interior[v])?;
         let other = other?;
         let (above, normal) = other.evaluate(mesh.point(v), surface.h);
         // Inside is below both sides of a ridge, above those of a valley.
-        let inside = (if v == ends[0] { 1.0 } else { -1.0 }) * (along.dot(normal) - along.dot(own.normal));
-        let sign = inside.signum();
+        let sign = (along.dot(normal) - along.dot(own.normal)).signum();
         let radius = round_through(sign * own.displacement, -sign * above, own.normal.dot(normal));
         radius.is_finite().then_some(radius)
     };
-    [(ends[0], p, q), (ends[1], q, p)].into_iter().filter_map(radius)
+    [(ends[0], along, p, q), (ends[1], -along, q, p)].into_iter().filter_map(radius)
 }
 
 /// The radius of the round through a point `u` and `v` inside of two planes whose normals have this cosine.
@@ -100,7 +101,7 @@ mod tests {
     use crate::regions::tests::{labels, planes};
     use FitSource::{Leftover, Region};
     use approx::assert_relative_eq;
-    use glam::{DVec3, dvec3};
+    use glam::dvec3;
 
     #[test]
     fn the_radius_is_that_of_the_round_a_point_lies_on() {

@@ -135,15 +135,7 @@ mod tests {
         let mut inserts = Inserts::in_the_middle(&before, is_diagonal, &[]);
         inserts.points[0].z = to;
         let refined = refine(&before, &inserts).unwrap();
-        let context = Context {
-            before: &before,
-            refined: &refined,
-            n_old: before.n_verts(),
-            fits: PerVert::filled(before.n_verts(), None),
-            is_chamfer_end: &|_| false,
-            is_moved: &|_| true,
-            mean_edge: 1.0,
-        };
+        let context = Context::plain(&before, &refined, None);
         let is_whole = PerVert::filled(refined.mesh.n_verts(), true);
         let mut edit = Edit::new(&refined, before.n_verts(), &is_whole);
         let mut counts = UntangleCounts::default();

@@ -73,21 +73,21 @@ impl Zone<'_, '_, '_> {
 
     /// Flips edge `a`-`b` of `f` if the largest of the five dihedral angles round it falls and no face there is
     /// among those `flipped`.
-    fn flip_fold(&mut self, f: Face, a: Vert, b: Vert, flipped: &mut Vec<Face>) -> bool {
-        let Some([_, g]) = self.edit.faces_beside(a, b).filter(|beside| beside[0] == f) else { return false };
-        let Some(triangles) = self.edit.flippable([f, g], a, b) else { return false };
+    fn flip_fold(&mut self, f: Face, a: Vert, b: Vert, flipped: &mut Vec<Face>) {
+        let Some([_, g]) = self.edit.faces_beside(a, b).filter(|beside| beside[0] == f) else { return };
+        let Some(triangles) = self.edit.flippable([f, g], a, b) else { return };
         let [_, d, c] = triangles[0];
         let sides = [(a, d), (d, b), (b, c), (c, a)];
         let across = sides.map(|(p, q)| self.beside(p, q).find(|&h| h != f && h != g));
         if [Some(f), Some(g)].iter().chain(&across).flatten().any(|h| flipped.contains(h)) {
-            return false;
+            return;
         }
         let points = triangles.map(|t| t.map(|v| self.edit.point(v)));
-        let [Some(n), Some(m)] = points.map(unit_normal) else { return false };
+        let [Some(n), Some(m)] = points.map(unit_normal) else { return };
         if points.into_iter().any(is_sliver) {
-            return false;
+            return;
         }
-        let (Some(n_old), Some(m_old)) = (self.normal(f), self.normal(g)) else { return false };
+        let (Some(n_old), Some(m_old)) = (self.normal(f), self.normal(g)) else { return };
         // Sides a-d and c-a belong to the first new triangle, d-b and b-c to the second; before, b-c and
         // c-a belonged to f, a-d and d-b to g.
         let largest = |inner: f64, own: [DVec3; 4]| {
@@ -98,12 +98,11 @@ impl Zone<'_, '_, '_> {
         let before = largest(angle_between(n_old, m_old), [m_old, m_old, n_old, n_old]);
         let after = largest(angle_between(n, m), [n, m, m, n]);
         if after >= before - MIN_FALL {
-            return false;
+            return;
         }
         self.edit.flip([f, g], triangles);
         [f, g].into_iter().for_each(|face| self.forget(face));
         flipped.extend([f, g]);
-        true
     }
 }
 

@@ -197,15 +197,7 @@ mod tests {
         inserts.points.iter_mut().for_each(|p| (p.y, p.z) = (0.5, 0.0));
         let refined = refine(&before, &inserts).unwrap();
         let plane = Fit { rms, ..Fit::plane(DVec3::ZERO, DVec3::Z, FitSource::Region) };
-        let context = Context {
-            before: &before,
-            refined: &refined,
-            n_old: before.n_verts(),
-            fits: PerVert::filled(before.n_verts(), Some(&plane)),
-            is_chamfer_end: &|_| false,
-            is_moved: &|_| true,
-            mean_edge: 1.0,
-        };
+        let context = Context::plain(&before, &refined, Some(&plane));
         let is_whole = PerVert::filled(refined.mesh.n_verts(), true);
         let mut edit = Edit::new(&refined, before.n_verts(), &is_whole);
         let mut counts = UntangleCounts::default();

@@ -355,3 +355,20 @@ impl<'a> Context<'a> {
         crate::geometry::unit_normal(self.before.triangle(self.refined.lineage.parents[f]))
     }
 }
+
+#[cfg(test)]
+impl<'a> Context<'a> {
+    /// That of tests: all old vertices have the same fit or none, all inserted ones are on their feature, and the mean
+    /// edge is one long.
+    fn plain(before: &'a Mesh, refined: &'a Refined, fit: Option<&'a Fit>) -> Self {
+        Self {
+            before,
+            refined,
+            n_old: before.n_verts(),
+            fits: PerVert::filled(before.n_verts(), fit),
+            is_chamfer_end: &|_| false,
+            is_moved: &|_| true,
+            mean_edge: 1.0,
+        }
+    }
+}
