@@ -85,6 +85,19 @@ impl Fit {
         Self { origin, frame, coefficients, rms, n_members, displacement, normal, distance, source }
     }
 
+    /// The same height field as a fit of a vertex at `p`. `h` as in [`Fit::evaluate`].
+    pub(crate) fn seen_from(&self, p: DVec3, h: f64) -> Self {
+        let [t1, t2, m] = self.frame;
+        let [c0, c1, c2, c3, c4, c5] = self.coefficients;
+        let offset = (p - self.origin) / h;
+        let (x, y, z) = (offset.dot(t1), offset.dot(t2), offset.dot(m));
+        let height = c0 + c1 * x + c2 * y + 0.5 * c3 * x * x + c4 * x * y + 0.5 * c5 * y * y;
+        let (slope_x, slope_y) = (c1 + c3 * x + c4 * y, c2 + c4 * x + c5 * y);
+        let coefficients = [height - z, slope_x, slope_y, c3, c4, c5];
+        let (distance, normal) = self.evaluate(p, h);
+        Self { origin: p, coefficients, displacement: -distance, normal, ..self.clone() }
+    }
+
     /// The signed distance of `p` from the fit in units of `h`, the mean edge length that the fit was
     /// made with, to first order (height over the length of the gradient); and the unit normal of the
     /// fit below `p`.
@@ -237,6 +250,22 @@ mod tests {
             assert_relative_eq!(turned.0, plain.0, epsilon = 1e-12);
             assert_relative_eq!(turned.1.distance(plain.1), 0.0, epsilon = 1e-12);
         }
+    }
+
+    #[test]
+    fn a_fit_is_the_same_seen_from_elsewhere() {
+        let quadric = |x: f64, y: f64| (0.1 * x * x + 0.2 * x * y, 0.2 * x + 0.2 * y, 0.2 * x);
+        let fit =
+            Fitter::default().fit(dvec3(1., 2., 3.), &samples(turn(), quadric), FitSource::Region).unwrap();
+        let (h, from) = (2.0, dvec3(1.5, 2.5, 2.0));
+        let moved = fit.seen_from(from, h);
+        assert_eq!((moved.origin, moved.rms, moved.n_members), (from, fit.rms, fit.n_members));
+        for p in [from, dvec3(0., 2., 4.), dvec3(2., 1., 3.)] {
+            let ((distance, normal), (same, as_before)) = (moved.evaluate(p, h), fit.evaluate(p, h));
+            assert_relative_eq!(distance, same, epsilon = 1e-12);
+            assert_relative_eq!(normal.distance(as_before), 0.0, epsilon = 1e-12);
+        }
+        assert_eq!((-moved.displacement, moved.normal), fit.evaluate(from, h));
     }
 
     #[test]

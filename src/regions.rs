@@ -20,6 +20,7 @@
 
 mod apex;
 mod ends;
+mod explain;
 mod fade;
 mod fits;
 mod gates;
@@ -254,7 +255,7 @@ fn kept(candidates: &[Half], strip_of: &[u32], strips: &[Strip]) -> Vec<Half> {
 /// Steps 3 to 6 in two passes: the fits of the doubtful vertices, and the noise. Only the second pass knows
 /// whether the samples are on the surface.
 fn label_vertices(surface: &Surface) -> (VertexFits, f64) {
-    let mut fits = label::explain_by_regions(surface);
+    let mut fits = explain::explain_by_regions(surface);
     label::explain_by_red_faces(surface, &mut fits);
     label::explain_by_leftovers(surface, &mut fits, label::LEFTOVER_RMS);
     let noise = gates::noise(&fits);

@@ -135,7 +135,7 @@ impl Grown<'_> {
 
     /// The fit of the region that explains the centre best.
     fn explain(&self, Scratch { patch, samples, fitter }: &mut Scratch, limit: f64) -> Option<Fit> {
-        patch.search(self.surface, self, self.surface.near.verts[self.centre as usize]);
+        patch.search(self.surface, self, self.surface.near.verts[self.centre as usize], 0.0);
         let origin = self.surface.near.points[self.centre as usize];
         best(patch.clusters(), self.surface.h.recip(), |cluster| {
             let members = patch.members(cluster);
@@ -289,7 +289,7 @@ mod tests {
         let m = Mesh::new(points, faces).unwrap();
         let (normals, labels) = labels(&m);
         let surface = Surface::new(&m, &normals, &labels);
-        let mut fits = super::super::label::explain_by_regions(&surface);
+        let mut fits = crate::regions::explain::explain_by_regions(&surface);
         let before = format!("{fits:?}");
         assert!(fits.iter().count() > 0);
         grow(&surface, &mut fits, 0.15..=0.15, 0.35);

@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 
 use super::VertexFits;
-use super::patch::{Cluster, Member, Patch};
+use super::patch::Cluster;
 use super::surface::Surface;
 use crate::fit::{Fit, FitSource, Fitter, Sample};
 use crate::mesh::Vert;
@@ -11,29 +11,12 @@ use crate::mesh::Vert;
 /// Samples that are not deep inside their region are trusted this much: their normals lean towards the
 /// chamfer, but small regions have no others.
 pub(super) const SHALLOW_TRUST: f64 = 0.1;
-/// Where a fit leaves more than this residual (in h) ...
-const ERODED_RMS: f64 = 0.002;
-/// ... and at least this many of its samples lie deep inside the region, these are tried alone ...
-const ERODED_MEMBERS: usize = 8;
-/// ... and taken if they leave less than this share of the residual. On marching cubes the samples beside
-/// a crease are off the surface and spoil the fit; curvature and noise raise both residuals alike.
-const ERODED_GAIN: f64 = 0.3;
-/// A fit with a larger residual (in h) is no smooth surface.
-const MAX_RMS: f64 = 0.25;
 /// What a region loses for each h that it is farther away, in h of displacement: of two regions that
 /// explain a vertex nearly as well the nearer one is meant.
 const DISTANCE_PENALTY: f64 = 0.08;
 /// A vertex farther from every fit (in h) is not explained. Marching cubes puts samples up to 0.33 h off;
 /// forcing a label on every vertex makes errors above the input's.
 pub(super) const EXPLAINED: f64 = 0.35;
-
-/// Fits of one region have normals within this angle (cosine; 20 degrees) of its vertices': those of two that make
-/// a crease do not.
-const SAME_REGION_COSINE: f64 = 0.94;
-/// An interior vertex takes the fit of a vertex beside it that is at most this far off, in h. From .1 on coarse
-/// countersinks have 5 % more error, at .02 noisy meshes make three quarters of the fits themselves, here half of
-/// them; others hardly any.
-const SHARED_DISPLACEMENT: f64 = 0.07;
 
 /// Leftover vertices this many rings round one may join its fit ...
 const LEFTOVER_RINGS: usize = 3;
@@ -54,76 +37,6 @@ const ADOPTED_COSINE: f64 = 0.77;
 
 /// Vertices per unit of parallel work, at least: each unit makes its own scratch memory.
 const MIN_TASK: usize = 128;
-
-/// Steps 3 to 5: gives each doubtful vertex the fit of the smooth region that explains it best. Interior ones,
-/// which have others beside them, take one of theirs where it fits: two of five vertices.
-pub(super) fn explain_by_regions(surface: &Surface) -> VertexFits {
-    let mut fits = VertexFits::none(surface.mesh.n_verts(), surface.doubtful.clone());
-    let per_h = surface.h.recip();
-    let explain = |(patch, samples, fitter): &mut (Patch, Vec<Sample>, Fitter), &v: &Vert| {
-        patch.search(surface, surface, v);
-        let fit = |cluster: &Cluster| {
-            let sample = |member: &Member| Sample {
-                offset: member.offset * per_h,
-                normal: surface.near.normals[member.near as usize],
-                trust: if surface.near.deep[member.near as usize] { 1.0 } else { SHALLOW_TRUST },
-            };
-            samples.clear();
-            samples.extend(patch.members(cluster).iter().map(sample));
-            let fit = fitter.fit(surface.mesh.point(v), samples, FitSource::Region)?;
-            let n_members = samples.len();
-            let n_deep = samples.iter().filter(|sample| sample.trust == 1.0).count();
-            if fit.rms > ERODED_RMS && (ERODED_MEMBERS..n_members).contains(&n_deep) {
-                samples.retain(|sample| sample.trust == 1.0);
-                let eroded = fitter.fit(surface.mesh.point(v), samples, FitSource::Region);
-                if let Some(eroded) = eroded.filter(|eroded| eroded.rms < ERODED_GAIN * fit.rms) {
-                    return Some(eroded);
-                }
-            }
-            Some(fit).filter(|fit| fit.rms <= MAX_RMS)
-        };
-        if surface.interior[v] {
-            return patch.clusters().first().and_then(fit);
-        }
-        best(patch.clusters(), per_h, fit).filter(|fit| fit.displacement.abs() < EXPLAINED)
-    };
-    // In the order in which they lie in memory; first those that the interior ones may take theirs from.
-    let has_slot = |&v: &Vert| !surface.interior[v] && fits.slot[v] != u32::MAX;
-    let others: Vec<Vert> = surface.near.verts.iter().copied().filter(has_slot).collect();
-    let scratch = <(Patch, Vec<Sample>, Fitter)>::default;
-    let found: Vec<_> = others.par_iter().with_min_len(MIN_TASK).map_init(scratch, explain).collect();
-    for (v, fit) in others.into_iter().zip(found) {
-        fits.fits[fits.slot[v] as usize] = fit;
-    }
-    let is_open = |v: Vert, _: Option<&Fit>| surface.interior[v];
-    explain_those(&mut fits, is_open, |scratch, fits, v| {
-        fit_from_beside(surface, fits, v).or_else(|| explain(scratch, &v))
-    });
-    fits
-}
-
-/// The fit of the nearest doubtful vertex beside interior vertex `v` that has one of the same region: as good as
-/// its own, and there already.
-fn fit_from_beside(surface: &Surface, fits: &VertexFits, v: Vert) -> Option<Fit> {
-    let near = &surface.near;
-    let number = near.of[v];
-    let (point, own_normal) = (near.points[number as usize], near.normals[number as usize]);
-    let fit = |&i: &u32| {
-        let fit = fits.get(near.verts[i as usize])?;
-        let (distance, normal) = fit.evaluate(point, surface.h);
-        let is_same_region = normal.dot(own_normal) > SAME_REGION_COSINE;
-        let is_shared = is_same_region && distance.abs() < SHARED_DISPLACEMENT;
-        is_shared.then(|| (point.distance_squared(near.points[i as usize]), distance, normal, fit))
-    };
-    let doubtful = near.neighbours(number).iter().filter(|&&i| !near.interior[i as usize]);
-    let nearest = doubtful.filter_map(fit).min_by(|a, b| a.0.total_cmp(&b.0));
-    nearest.map(|(_, distance, normal, fit)| Fit {
-        displacement: -distance,
-        normal,
-        distance: 0.0,
-        ..fit.clone()
-    })
-}
 
 /// The fit of the cluster that explains a vertex best. `clusters` are in the order of their distance.
 pub(super) fn best(
@@ -258,7 +171,7 @@ pub(super) mod tests {
     use crate::mesh::tests::mesh;
     use crate::mesh::{Mesh, PerFace, PerVert};
     use crate::regions::near::Near;
-    use crate::regions::tests::{cut_cube, labels, planes};
+    use crate::regions::tests::{labels, planes};
     use FitSource::{Adopted, Leftover, Paper, Region};
     use approx::assert_relative_eq;
     use glam::{DVec3, dvec3};
@@ -272,57 +185,6 @@ pub(super) mod tests {
         surface.red_face = PerFace::filled(mesh.n_faces(), false);
         surface.near = Near::around(&surface, &mesh.verts().collect::<Vec<_>>());
         surface
-    }
-
-    #[test]
-    fn vertices_beside_an_edge_take_the_side_they_lie_on() {
-        let m = cut_cube(6);
-        let normals = m.face_normals();
-        let fits = explain_by_regions(&Surface::new(&m, &normals, &labels(&m).1));
-        assert!(fits.iter().count() > 100);
-        for (v, fit) in fits.iter() {
-            let p = m.point(v);
-            let outward = DVec3::from(p.to_array().map(|c| f64::from(c == 6.0) - f64::from(c == 0.0)));
-            assert!(fit.normal.distance(outward) < 1e-9, "{v:?} at {p}: {}", fit.normal);
-            assert!(fit.displacement.abs() < 1e-9 && fit.source == Region);
-        }
-    }
-
-    #[test]
-    fn interior_vertices_take_the_fit_beside_them_where_it_is_that_of_their_region() {
-        let m = cut_cube(6);
-        let normals = m.face_normals();
-        let mut surface = Surface::new(&m, &normals, &labels(&m).1);
-        let fits = explain_by_regions(&surface);
-        let beside: Vec<Vert> = fits.verts.iter().copied().filter(|&v| surface.interior[v]).collect();
-        assert!(beside.len() > 20);
-        let taken = |surface: &Surface, fits: &VertexFits| {
-            beside.iter().filter_map(|&v| fit_from_beside(surface, fits, v)).collect::<Vec<_>>()
-        };
-        let found = taken(&surface, &fits);
-        assert_eq!(found.len(), beside.len());
-        for (&v, fit) in beside.iter().zip(&found) {
-            // The vertex that it was made for is another one, on the same plane.
-            assert!(fit.origin != m.point(v) && fit.displacement.abs() < 1e-9 && fit.distance == 0.0);
-            assert!(fit.normal.dot(fit.origin - m.point(v)).abs() < 1e-9);
-        }
-        // Planes of the same direction that are 0.1 h off are another surface's, and so are others that lean.
-        let changed = |change: &dyn Fn(&mut Fit)| {
-            let mut fits = fits.clone();
-            fits.fits.iter_mut().flatten().for_each(change);
-            taken(&surface, &fits).len()
-        };
-        let (h, lean) = (surface.h, 25f64.to_radians().tan());
-        assert_eq!(changed(&|fit| fit.origin += 0.04 * h * fit.normal), beside.len());
-        assert_eq!(changed(&|fit| fit.origin += 0.1 * h * fit.normal), 0);
-        assert_eq!(changed(&|fit| fit.coefficients[1] = lean), 0);
-        // Off by 0.04 h above: so far the vertex is from it, along its normal.
-        let mut above = fits.clone();
-        above.fits.iter_mut().flatten().for_each(|fit| fit.origin += 0.04 * h * fit.normal);
-        assert!(taken(&surface, &above).iter().all(|fit| (fit.displacement - 0.04).abs() < 1e-9));
-        // Without doubtful vertices beside it there is none.
-        surface.near.interior.fill(true);
-        assert_eq!(taken(&surface, &fits).len(), 0);
     }
 
     // 1---3---5---7

@@ -96,7 +96,7 @@ pub(super) fn fit_again(surface: &Surface, fits: &mut VertexFits, zone: &[Vert])
     };
     type Scratch = (Patch, Vec<Sample>, Fitter);
     explain_those(fits, is_open, |(patch, samples, fitter): &mut Scratch, fits, v| {
-        patch.search(surface, &regions, v);
+        patch.search(surface, &regions, v, 0.0);
         let sample = |member: &Member| {
             let (offset, normal) = (member.offset / surface.h, regions.normals[member.near as usize]);
             (offset.length_squared() <= REACH * REACH).then_some(Sample { offset, normal, trust: 1.0 })
@@ -169,7 +169,7 @@ mod tests {
             let m = noisy_cube(14, most);
             let (normals, labels) = labels(&m);
             let surface = Surface::new(&m, &normals, &labels);
-            let fits = crate::regions::label::explain_by_regions(&surface);
+            let fits = crate::regions::explain::explain_by_regions(&surface);
             let noise = crate::regions::gates::noise(&fits);
             (noise, is_noisy(&surface, &fits, noise))
         };

@@ -72,33 +72,38 @@ pub(super) struct Patch {
     /// Members of a region found beside another one, some of them more than once, by their numbers.
     seeds: Vec<u32>,
     known: Stamps,
+    /// The squares of how far the search goes.
+    reach: f64,
+    reach_in_region: f64,
 }
 
 impl Patch {
-    /// Searches the patch of `centre`, by edges. Round a member of a region it finds nothing but that region.
+    /// Searches the patch of `centre`, by edges, so much wider. Round a member of a region it finds nothing but that
+    /// region.
     ///
     /// A region is flooded to its end as soon as the search comes upon it, so that it is found once and
     /// whole; doubtful vertices wait until then, and regions that are joined to none of these even longer.
-    pub fn search(&mut self, surface: &Surface, regions: &impl Regions, centre: Vert) {
+    pub fn search(&mut self, surface: &Surface, regions: &impl Regions, centre: Vert, wider: f64) {
         self.members.clear();
         self.clusters.clear();
         self.doubtful.clear();
         self.seeds.clear();
         self.known.clear(surface.near.verts.len());
         let centre = surface.near.of[centre];
+        let reach = |times: f64| (times * surface.h + wider).powi(2);
+        (self.reach, self.reach_in_region) = (reach(REACH), reach(REACH_IN_REGION));
         self.known.insert(centre);
         if regions.is_member(centre) {
             self.flood_region(surface, regions, centre, centre);
             return;
         }
-        let reach = (REACH * surface.h).powi(2);
         self.doubtful.push(centre);
         let mut next = 0;
         loop {
             if let Some(&v) = self.doubtful.get(next) {
                 next += 1;
                 for &w in surface.near.neighbours(v) {
-                    self.enter(surface, regions, centre, w, reach);
+                    self.enter(surface, regions, centre, w, self.reach);
                 }
             } else if let Some(seed) = self.seeds.pop() {
                 self.enter(surface, regions, centre, seed, f64::INFINITY);
@@ -106,10 +111,7 @@ impl Patch {
                 break;
             }
         }
-        self.clusters.retain(|cluster| cluster.nearest_squared <= reach);
-        self.clusters.sort_unstable_by(|a, b| {
-            a.nearest_squared.total_cmp(&b.nearest_squared).then(a.nearest.cmp(&b.nearest))
-        });
+        sort_within(&mut self.clusters, self.reach);
     }
 
     fn is_full(&self) -> bool {
@@ -140,8 +142,7 @@ impl Patch {
     /// notes the other vertices beside it.
     fn flood_region(&mut self, surface: &Surface, regions: &impl Regions, centre: u32, seed: u32) {
         let Near { verts, points, .. } = &surface.near;
-        let reach = (REACH * surface.h).powi(2);
-        let reach_in_region = (REACH_IN_REGION * surface.h).powi(2);
+        let (reach, reach_in_region) = (self.reach, self.reach_in_region);
         let origin = points[centre as usize];
         let offset = points[seed as usize] - origin;
         let first = self.members.len();
@@ -189,10 +190,35 @@ impl Patch {
         &self.clusters
     }
 
+    /// Puts into `seen` those clusters that come within reach of `origin`, as far from there as they are and the
+    /// nearest first. It has to lie within what the search was wider by.
+    pub fn clusters_from(&self, surface: &Surface, origin: DVec3, seen: &mut Vec<Cluster>) {
+        let Near { verts, points, .. } = &surface.near;
+        seen.clear();
+        for cluster in &self.clusters {
+            let far = |member: &Member| {
+                (points[member.near as usize].distance_squared(origin), verts[member.near as usize])
+            };
+            let least = |a: (f64, Vert), b: (f64, Vert)| if b < a { b } else { a };
+            let (nearest_squared, nearest) =
+                self.members(cluster).iter().map(far).fold((f64::INFINITY, Vert::new(0)), least);
+            seen.push(Cluster { members: cluster.members.clone(), nearest, nearest_squared });
+        }
+        sort_within(seen, (REACH * surface.h).powi(2));
+    }
+
     /// The members of `cluster`.
     pub fn members(&self, cluster: &Cluster) -> &[Member] {
         &self.members[cluster.members.clone()]
     }
+}
+
+/// Sorts clusters by how far they are, without those farther than the root of `reach`.
+fn sort_within(clusters: &mut Vec<Cluster>, reach: f64) {
+    clusters.retain(|cluster| cluster.nearest_squared <= reach);
+    clusters.sort_unstable_by(|a, b| {
+        a.nearest_squared.total_cmp(&b.nearest_squared).then(a.nearest.cmp(&b.nearest))
+    });
 }
 
 /// A set of numbers that is emptied at no cost: those are in it that carry the present stamp.
@@ -246,8 +272,8 @@ pub(super) mod tests {
         }
         surface.near = Near::around(&surface, &mesh.verts().collect::<Vec<_>>());
         let mut patch = Patch::default();
-        patch.search(&surface, &surface, Vert::new(0));
-        patch.search(&surface, &surface, Vert::new(centre));
+        patch.search(&surface, &surface, Vert::new(0), 0.0);
+        patch.search(&surface, &surface, Vert::new(centre), 0.0);
         let members = |cluster: &Cluster| {
             let vertex = |m: &Member| surface.near.verts[m.near as usize];
             let offset = |m: &Member| mesh.point(vertex(m)) - mesh.point(Vert::new(centre)) == m.offset;
@@ -318,7 +344,7 @@ pub(super) mod tests {
         surface.near = Near::around(&surface, &mesh.verts().collect::<Vec<_>>());
         let found = |border| {
             let mut patch = Patch::default();
-            patch.search(&surface, &TwoRegions { near: &surface.near, border }, Vert::new(20));
+            patch.search(&surface, &TwoRegions { near: &surface.near, border }, Vert::new(20), 0.0);
             let of = |cluster: &Cluster| (cluster.distance(), patch.members(cluster).len());
             patch.clusters().iter().map(of).collect::<Vec<_>>()
         };
@@ -341,7 +367,7 @@ pub(super) mod tests {
         (surface.h, surface.interior[Vert::new(n)]) = (1.0, false);
         surface.near = Near::around(&surface, &m.verts().collect::<Vec<_>>());
         let mut patch = Patch::default();
-        patch.search(&surface, &surface, Vert::new(n));
+        patch.search(&surface, &surface, Vert::new(n), 0.0);
         assert_eq!(patch.members.len() + patch.doubtful.len(), MAX_MEMBERS);
         assert_eq!(
             (0..surface.near.verts.len() as u32).filter(|&i| patch.known.contains(i)).count(),
