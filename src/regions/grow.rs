@@ -11,15 +11,16 @@
 //! Based on: nothing in the papers. Narrow zones at corners and between creases have no interior vertex of
 //! their own; their labels come from where they widen.
 //! In/out: `Surface` + fits -> more fits, none changed.
-//! Cost: a patch and a few fits per round and vertex that nothing explains, in parallel.
+//! Cost: a patch and a few fits per vertex that nothing explains, and again where labels are new, in parallel.
 
 use std::ops::RangeInclusive;
 
+use foldhash::HashSet;
 use glam::DVec3;
 
 use super::VertexFits;
 use super::label::{SHALLOW_TRUST, best, explain_those, score};
-use super::patch::{Member, Patch, Regions};
+use super::patch::{Member, Patch, REACH_IN_REGION, Regions};
 use super::surface::Surface;
 use crate::fit::{Fit, FitSource, Fitter, Sample};
 use crate::mesh::{Half, Vert};
@@ -62,10 +63,14 @@ pub(super) fn grow(surface: &Surface, fits: &mut VertexFits, far: RangeInclusive
             |fit: &Fit| fit.displacement.abs() > (FAR_IN_RMS * fit.rms).clamp(*far.start(), *far.end());
         !surface.interior[v] && fit.is_none_or(is_far)
     };
+    let mut news: Option<Cells> = None;
     for _ in 0..ROUNDS {
         let explain = |scratch: &mut Scratch, fits: &VertexFits, v| {
-            let found =
-                Grown { surface, labels: &labels, centre: surface.near.of[v] }.explain(scratch, limit)?;
+            let centre = surface.near.of[v];
+            if news.as_ref().is_some_and(|news| !news.may_reach(surface.near.points[centre as usize])) {
+                return None; // Round it is all as it was, when nothing better was found.
+            }
+            let found = Grown { surface, labels: &labels, centre }.explain(scratch, limit)?;
             let is_better = |old: &Fit| {
                 let (now, then) = (found.displacement.abs(), old.displacement.abs());
                 let is_nearer = then > *far.end() || now < then - CLEARLY_BETTER;
@@ -77,9 +82,37 @@ pub(super) fn grow(surface: &Surface, fits: &mut VertexFits, far: RangeInclusive
         if found.is_empty() {
             break;
         }
+        let places = found.iter().map(|&v| surface.mesh.point(v));
+        news = Some(Cells::of(1.01 * REACH_IN_REGION * surface.h, places));
         for v in found {
             labels[surface.near.of[v] as usize] = fits.get(v).and_then(|fit| carried(v, fit));
         }
+    }
+}
+
+/// The cells of a grid in which there are points, and those next to them.
+struct Cells {
+    width: f64,
+    cells: HashSet<[u64; 3]>,
+}
+
+impl Cells {
+    fn of(width: f64, points: impl Iterator<Item = DVec3>) -> Self {
+        let mut cells = HashSet::default();
+        for point in points {
+            let step = |i: u32| DVec3::from([i / 9, i / 3 % 3, i % 3].map(|step| f64::from(step) - 1.0));
+            cells.extend((0..27).map(|i| Self::cell(width, point, step(i))));
+        }
+        Self { width, cells }
+    }
+
+    /// Whether any of the points may be within a cell's width of `p`; if not, none is.
+    fn may_reach(&self, p: DVec3) -> bool {
+        self.cells.contains(&Self::cell(self.width, p, DVec3::ZERO))
+    }
+
+    fn cell(width: f64, p: DVec3, step: DVec3) -> [u64; 3] {
+        ((p / width).floor() + step).to_array().map(f64::to_bits)
     }
 }
 
@@ -184,6 +217,15 @@ mod tests {
             }
         }
         fits
+    }
+
+    #[test]
+    fn what_is_within_a_cell_of_a_point_is_reached() {
+        let points = [dvec3(0.2, -0.1, -0.0), dvec3(7.0, 0.0, 3.0)];
+        let cells = Cells::of(2.0, points.into_iter());
+        assert!(points.iter().all(|&p| cells.may_reach(p) && cells.may_reach(p + dvec3(1.1, -1.1, 1.1))));
+        assert!(points.iter().all(|&p| cells.may_reach(p - dvec3(2.0, 0.0, 0.0))));
+        assert!(!cells.may_reach(dvec3(0.2, 4.1, 0.0)) && !cells.may_reach(dvec3(-4.1, 0.0, 0.0)));
     }
 
     #[test]
