@@ -152,21 +152,26 @@ impl Fitter {
     /// a usable normal or the solution is not finite.
     #[must_use]
     pub fn fit(&mut self, origin: DVec3, samples: &[Sample], source: FitSource) -> Option<Fit> {
+        let frame = self.take(samples)?;
+        let solution = self.solve()?;
+        let n_members = self.samples.len();
+        let solution = robust::without_outliers(solution, &mut self.samples, &mut self.residuals);
+        fit_of(solution, origin, frame, n_members, source)
+    }
+
+    /// Fits a plane to all of `samples`.
+    pub(crate) fn plane(&mut self, origin: DVec3, samples: &[Sample], source: FitSource) -> Option<Fit> {
+        let frame = self.take(samples)?;
+        fit_of(solve::plane(&self.samples)?, origin, frame, self.samples.len(), source)
+    }
+
+    /// Takes `samples` over their mean normal; its frame.
+    fn take(&mut self, samples: &[Sample]) -> Option<[DVec3; 3]> {
         let mean: DVec3 = samples.iter().map(|sample| sample.weight() * sample.normal).sum();
         let frame = frame(mean.try_normalize()?);
         self.samples.clear();
         self.samples.extend(samples.iter().filter_map(|s| Local::of(s, &frame, s.weight())));
-        let solution = self.solve()?;
-        let n_members = self.samples.len();
-        let solution = robust::without_outliers(solution, &mut self.samples, &mut self.residuals);
-        let Solution { coefficients, rms, .. } = solution;
-        let [c0, c1, c2, ..] = coefficients;
-        let steepness = (1.0 + c1 * c1 + c2 * c2).sqrt();
-        let displacement = c0 / steepness;
-        let normal = (frame[2] - c1 * frame[0] - c2 * frame[1]) / steepness;
-        let is_sound = rms.is_finite() && displacement.is_finite() && normal.is_finite();
-        let plane = Fit::plane(origin, normal, source);
-        is_sound.then_some(Fit { frame, coefficients, rms, n_members, displacement, ..plane })
+        Some(frame)
     }
 
     fn solve(&self) -> Option<Solution> {
@@ -177,6 +182,24 @@ impl Fitter {
         let quadric = solve::quadric(&self.samples);
         quadric.filter(|quadric| quadric.rms < QUADRIC_GAIN * plane.rms).or(Some(plane))
     }
+}
+
+/// The fit that `solution` is, over `frame` round `origin`, if it is finite.
+fn fit_of(
+    solution: Solution,
+    origin: DVec3,
+    frame: [DVec3; 3],
+    n_members: usize,
+    source: FitSource,
+) -> Option<Fit> {
+    let Solution { coefficients, rms, .. } = solution;
+    let [c0, c1, c2, ..] = coefficients;
+    let steepness = (1.0 + c1 * c1 + c2 * c2).sqrt();
+    let displacement = c0 / steepness;
+    let normal = (frame[2] - c1 * frame[0] - c2 * frame[1]) / steepness;
+    let is_sound = rms.is_finite() && displacement.is_finite() && normal.is_finite();
+    let plane = Fit::plane(origin, normal, source);
+    is_sound.then_some(Fit { frame, coefficients, rms, n_members, displacement, ..plane })
 }
 
 #[cfg(test)]

@@ -21,7 +21,7 @@ use rayon::prelude::*;
 
 use super::VertexFits;
 use super::label::{EXPLAINED, SHALLOW_TRUST, best, explain_those};
-use super::patch::{Cluster, Member, Patch, REACH_IN_REGION};
+use super::patch::{Cluster, Patch, REACH_IN_REGION};
 use super::surface::Surface;
 use crate::fit::{Fit, FitSource, Fitter, Sample};
 use crate::mesh::Vert;
@@ -112,7 +112,7 @@ struct Explainer {
     seen: Vec<Cluster>,
     /// The exact fits of its clusters, by the clusters' first members.
     exact: Vec<(u32, Fit)>,
-    samples: Vec<Sample>,
+    samples: Samples,
     fitter: Fitter,
 }
 
@@ -134,8 +134,8 @@ impl Explainer {
                 if let Some((_, fit)) = exact.iter().find(|(other, _)| *other == name) {
                     return Some(fit.seen_from(origin, surface.h));
                 }
-                take_samples(surface, patch, cluster, origin, samples);
-                let fit = fit(samples, origin, fitter)?;
+                samples.take(surface, patch, cluster, origin);
+                let fit = samples.fit(origin, fitter)?;
                 if fit.rms <= EXACT_RMS && fit.n_members >= EXACT_MEMBERS {
                     exact.push((name, fit.clone()));
                 }
@@ -150,46 +150,56 @@ impl Explainer {
     fn explain_interior(&mut self, surface: &Surface, v: Vert) -> Option<Fit> {
         self.patch.search(surface, surface, v, 0.0);
         let origin = surface.mesh.point(v);
-        take_samples(surface, &self.patch, self.patch.clusters().first()?, origin, &mut self.samples);
-        fit(&mut self.samples, origin, &mut self.fitter)
+        self.samples.take(surface, &self.patch, self.patch.clusters().first()?, origin);
+        self.samples.fit(origin, &mut self.fitter)
     }
 }
 
-/// Puts what a vertex at `origin` sees of `cluster` into `samples`.
-fn take_samples(
-    surface: &Surface,
-    patch: &Patch,
-    cluster: &Cluster,
-    origin: DVec3,
-    samples: &mut Vec<Sample>,
-) {
-    let near = &surface.near;
-    let reach = (REACH_IN_REGION * surface.h).powi(2);
-    let per_h = surface.h.recip();
-    let sample = |member: &Member| {
-        let i = member.near as usize;
-        let offset = near.points[i] - origin;
-        let trust = if near.deep[i] { 1.0 } else { SHALLOW_TRUST };
-        let sample = Sample { offset: offset * per_h, normal: near.normals[i], trust };
-        (offset.length_squared() <= reach).then_some(sample)
-    };
-    samples.clear();
-    samples.extend(patch.members(cluster).iter().filter_map(sample));
+/// What a vertex sees of a region.
+#[derive(Default)]
+struct Samples {
+    /// The deep ones first.
+    all: Vec<Sample>,
+    n_deep: usize,
 }
 
-/// The fit of one region's `samples` round `origin`, of the deep ones alone where these agree clearly better.
-fn fit(samples: &mut Vec<Sample>, origin: DVec3, fitter: &mut Fitter) -> Option<Fit> {
-    let fit = fitter.fit(origin, samples, FitSource::Region)?;
-    let n_members = samples.len();
-    let n_deep = samples.iter().filter(|sample| sample.trust == 1.0).count();
-    if fit.rms > ERODED_RMS && (ERODED_MEMBERS..n_members).contains(&n_deep) {
-        samples.retain(|sample| sample.trust == 1.0);
-        let eroded = fitter.fit(origin, samples, FitSource::Region);
-        if let Some(eroded) = eroded.filter(|eroded| eroded.rms < ERODED_GAIN * fit.rms) {
-            return Some(eroded);
+impl Samples {
+    /// Takes what a vertex at `origin` sees of `cluster`.
+    fn take(&mut self, surface: &Surface, patch: &Patch, cluster: &Cluster, origin: DVec3) {
+        let near = &surface.near;
+        let reach = (REACH_IN_REGION * surface.h).powi(2);
+        let per_h = surface.h.recip();
+        self.all.clear();
+        for (is_deep, trust) in [(true, 1.0), (false, SHALLOW_TRUST)] {
+            self.n_deep = self.all.len();
+            for member in patch.members(cluster) {
+                let i = member.near as usize;
+                let offset = near.points[i] - origin;
+                if near.deep[i] == is_deep && offset.length_squared() <= reach {
+                    self.all.push(Sample { offset: offset * per_h, normal: near.normals[i], trust });
+                }
+            }
         }
     }
-    Some(fit).filter(|fit| fit.rms <= MAX_RMS)
+
+    /// Their fit round `origin`, that of the deep ones alone where these agree clearly better.
+    fn fit(&self, origin: DVec3, fitter: &mut Fitter) -> Option<Fit> {
+        let deep = &self.all[..self.n_deep];
+        let has_eroded = (ERODED_MEMBERS..self.all.len()).contains(&self.n_deep);
+        if has_eroded && let Some(plane) = fitter.plane(origin, deep, FitSource::Region) {
+            if plane.rms <= ERODED_GAIN * ERODED_RMS {
+                return Some(plane); // Whatever the others say.
+            }
+        }
+        let fit = fitter.fit(origin, &self.all, FitSource::Region)?;
+        if has_eroded && fit.rms > ERODED_RMS {
+            let eroded = fitter.fit(origin, deep, FitSource::Region);
+            if let Some(eroded) = eroded.filter(|eroded| eroded.rms < ERODED_GAIN * fit.rms) {
+                return Some(eroded);
+            }
+        }
+        Some(fit).filter(|fit| fit.rms <= MAX_RMS)
+    }
 }
 
 /// The fit of the nearest doubtful vertex beside interior vertex `v` that has one of the same region: as good as
