@@ -235,7 +235,7 @@ mod tests {
         let mut surface = Surface::new(&m, &normals, &labels);
         (surface.h, surface.interior) = (H, crate::mesh::PerVert::filled(m.n_verts(), false));
         let fit = |v: usize| {
-            let axis = if v % 2 == 0 { DVec3::Z } else { DVec3::Y };
+            let axis = if v.is_multiple_of(2) { DVec3::Z } else { DVec3::Y };
             (v, axis, -m.point(Vert::new(v)).dot(axis) / H, Region)
         };
         let fits = planes(&m, &(0..m.n_verts()).map(fit).collect::<Vec<_>>());
