@@ -23,7 +23,7 @@ pub(super) const LONG_STRIP: usize = 30;
 
 /// The ends of a round lie this far on the inner side of their fits on average, in h; samples beside a
 /// crease lie on theirs, and noise averages out. True creases on marching cubes reach 0.062 ...
-const ROUND_DISPLACEMENT: f64 = 0.045;
+pub(super) const ROUND_DISPLACEMENT: f64 = 0.045;
 /// ... where the residual is small: the limit is this less the residual, if that is more.
 const ROUND_DISPLACEMENT_AND_RMS: f64 = 0.068;
 /// That is judged on this many ends with a region's fit ...
@@ -177,7 +177,7 @@ pub(super) fn judge_strips(
         sums[strip as usize].add(surface, fits, h);
     }
     let mut strips: Vec<Strip> = sums.iter().map(|sums| sums.strip(noise)).collect();
-    rounds::keep_creases(surface, fits, candidates, &strip_of, &mut strips);
+    rounds::judge_by_radius(surface, fits, candidates, &strip_of, &mut strips, noise);
     cancel_fragments(&mut strips);
     (strip_of, strips)
 }
