@@ -11,13 +11,15 @@
 //! ```
 //!
 //! Based on: REGIONS.md steps 1 to 9, labels that are carried along (`grow.rs`) and creases that fade
-//! (`fade.rs`); it replaces the papers' filters 1 to 6, but for the smooth edges. Tips of cones (`apex.rs`).
+//! (`fade.rs`); it replaces the papers' filters 1 to 6, but for the smooth edges. Fits go onto the samples beside
+//! their crease (`anchor.rs`). Tips of cones (`apex.rs`).
 //! Differs: vertices count as deep by their neighbours alone, not by a distance as well (step 2; it made
 //! no measurable difference). A patch has at most [`patch::MAX_MEMBERS`] vertices. Interior vertices keep
 //! to their own region.
 //! In/out: `Mesh` + face normals `[F]` + `Labels` (smooth edges, interior vertices) -> `RegionLabels`.
 //! Cost: O(V) plus some 10 microseconds per doubtful vertex, in parallel.
 
+mod anchor;
 mod apex;
 mod ends;
 mod explain;
@@ -222,6 +224,7 @@ pub fn label_by_fits(mesh: &Mesh, face_normals: &PerFace<DVec3>, labels: &Labels
     } else if off_surface.is_likely() {
         moves::moves(&surface, &fits, &chamfers)
     } else {
+        anchor::anchor(&surface, &mut fits, &chamfers);
         Vec::new()
     };
     apex::add_moves(&apexes, &mut moved);
