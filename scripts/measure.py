@@ -245,11 +245,60 @@ def nonmanifold_vertices(faces, edges):
 
 
 def self_intersecting_faces(vertices, faces):
-    """Count the faces that cut another face of the mesh."""
+    """Count the faces that cut another face of the mesh.
+
+    MeshLab finds them; what it takes for a cut between faces of one plane that
+    lie apart in it does not count.
+    """
     mesh_set = pymeshlab.MeshSet()
     mesh_set.add_mesh(pymeshlab.Mesh(vertices, faces.astype(np.int32)))
     mesh_set.compute_selection_by_self_intersections_per_face()
-    return mesh_set.current_mesh().selected_face_number()
+    selected = faces[mesh_set.current_mesh().face_selection_array()]
+    return int(cut_by_others(vertices, selected).sum())
+
+
+def cut_by_others(vertices, faces):
+    """Return which of the faces [F] cut another one of them."""
+    corners = vertices[faces]
+    center = corners.mean(axis=1)
+    radius = np.linalg.norm(corners - center[:, None], axis=2).max(axis=1, initial=0)
+    if not len(faces):
+        return np.zeros(0, bool)
+    near = cKDTree(center).query_ball_point(center, radius + radius.max())
+    return np.array(
+        [any(cut(vertices, faces[i], faces[j]) for j in js if j != i) for i, js in enumerate(near)]
+    )
+
+
+def cut(vertices, f, g):
+    """Whether faces f and g [3] cut each other beyond the vertices that they share.
+
+    Two with a common edge never do, as MeshLab has it; two with a common vertex
+    do where the side opposite to it of one meets the other.
+    """
+    common = np.intersect1d(f, g)
+    if len(common) == 2:
+        return False
+    if len(common) == 1:
+        sides = [vertices[t[t != common[0]]] for t in (f, g)]
+        return not (are_apart(sides[0], vertices[g]) and are_apart(sides[1], vertices[f]))
+    return len(common) == 3 or not are_apart(vertices[f], vertices[g])
+
+
+def are_apart(a, b):
+    """Whether an axis separates two triangles or segments [2 or 3, 3] by more than rounding.
+
+    It is the normal of one, a side turned by 90 degrees in the plane of one, or
+    the cross product of two sides.
+    """
+    sides = [np.roll(t, -1, axis=0) - t for t in (a, b)]
+    normals = np.array([np.cross(side[0], side[1]) for side in sides])
+    turned = np.cross(normals[:, None], np.concatenate(sides)[None]).reshape(-1, 3)
+    both = np.cross(sides[0][:, None], sides[1][None]).reshape(-1, 3)
+    axes = meshes.normalized(np.concatenate([normals, turned, both]))
+    on_a, on_b = a @ axes.T, b @ axes.T
+    gap = np.maximum(on_a.min(axis=0) - on_b.max(axis=0), on_b.min(axis=0) - on_a.max(axis=0))
+    return bool(gap.max() > 1e-9 * np.ptp(np.concatenate([a, b]), axis=0).max())
 
 
 def flipped_faces(original, processed):

@@ -7,7 +7,7 @@ import sys
 import meshes
 import numpy as np
 import pytest
-from measure import measure
+from measure import measure, self_intersecting_faces
 
 # The unit cube's diagonal.
 ROOT3 = 3**0.5
@@ -133,6 +133,25 @@ def test_faces_that_cut_each_other_are_counted(save, cube):
     figures = measure(save("cube", *cube), save("cut", *mesh))
     assert figures["si"] == 2
     assert figures["border_edges"] == 3
+
+
+def test_faces_of_one_plane_that_lie_apart_in_it_do_not_cut_each_other():
+    # Two of a bent cylinder, in one plane but for the last bits: MeshLab alone takes them for a cut.
+    x, y = (-0.487056837, -0.49169161379049714), (-0.112889714, -0.0906526664375007)
+    corners = [(0, -0.074736915), (1, -0.074736915), (0, -0.09697396250000001)]
+    corners += [(0, -0.11921101), (1, -0.09697396243750069), (1, -0.11921101)]
+    vertices = np.array([(x[i], y[i], z) for i, z in corners])
+    faces = np.arange(6).reshape(2, 3)
+    assert self_intersecting_faces(vertices, faces) == 0
+    # The second one turned through the first.
+    vertices[3:] = vertices[:3].mean(axis=0) + 0.01 * np.array([(0, 0, 1), (1, 2, -1), (-1, -2, -1)])
+    assert self_intersecting_faces(vertices, faces) == 2
+
+
+def test_faces_with_a_common_vertex_cut_each_other_where_the_opposite_side_does():
+    vertices = np.array([(0, 0, 0), (2, 0, 0), (0, 2, 0), (1, 1, -1), (0.5, 0.5, 1), (-1, -1, 1)], float)
+    assert self_intersecting_faces(vertices, np.array([[0, 1, 2], [0, 3, 4]])) == 2
+    assert self_intersecting_faces(vertices, np.array([[0, 1, 2], [0, 4, 5]])) == 0
 
 
 def test_bow_ties_and_fins_are_not_manifold(save, cube):

@@ -186,10 +186,9 @@ impl Samples {
     fn fit(&self, origin: DVec3, fitter: &mut Fitter) -> Option<Fit> {
         let deep = &self.all[..self.n_deep];
         let has_eroded = (ERODED_MEMBERS..self.all.len()).contains(&self.n_deep);
-        if has_eroded && let Some(plane) = fitter.plane(origin, deep, FitSource::Region) {
-            if plane.rms <= ERODED_GAIN * ERODED_RMS {
-                return Some(plane); // Whatever the others say.
-            }
+        let plane = if has_eroded { fitter.plane(origin, deep, FitSource::Region) } else { None };
+        if let Some(plane) = plane.filter(|plane| plane.rms <= ERODED_GAIN * ERODED_RMS) {
+            return Some(plane); // Whatever the others say.
         }
         let fit = fitter.fit(origin, &self.all, FitSource::Region)?;
         if has_eroded && fit.rms > ERODED_RMS {
@@ -322,5 +321,27 @@ mod tests {
             assert!(fit.normal.distance(own.normal) < 1e-9, "{v:?}: {} {}", fit.normal, own.normal);
             assert!((fit.displacement - own.displacement).abs() < 1e-9);
         }
+    }
+
+    // Deep samples with heights `deep(x)` in two rows, and as many that are not deep, 0.2 above zero.
+    fn fit_of(n_deep: usize, deep: fn(f64) -> f64) -> Fit {
+        let sample = |i: usize, z: f64, trust| {
+            let offset = DVec3::new((i / 2) as f64, (i % 2) as f64, z);
+            Sample { offset, normal: DVec3::Z, trust }
+        };
+        let inner = (0..n_deep).map(|i| sample(i, deep((i / 2) as f64), 1.0));
+        let outer = (0..n_deep).map(|i| sample(i, 0.2, SHALLOW_TRUST));
+        let samples = Samples { all: inner.chain(outer).collect(), n_deep };
+        samples.fit(DVec3::ZERO, &mut Fitter::default()).unwrap()
+    }
+
+    #[test]
+    fn deep_samples_on_a_plane_are_believed_if_they_are_enough() {
+        let exact = fit_of(ERODED_MEMBERS, |_| 0.0);
+        assert!(exact.is_plane() && exact.displacement.abs() < 1e-9 && exact.n_members == ERODED_MEMBERS);
+        assert_eq!(fit_of(ERODED_MEMBERS - 1, |_| 0.0).n_members, 2 * (ERODED_MEMBERS - 1));
+        // They leave a third of what all leave at least: no better.
+        let rough = fit_of(ERODED_MEMBERS, |x| if x % 2.0 == 1.0 { 0.15 } else { 0.0 });
+        assert_eq!(rough.n_members, 2 * ERODED_MEMBERS);
     }
 }
