@@ -87,15 +87,22 @@ impl Fit {
 
     /// The same height field as a fit of a vertex at `p`. `h` as in [`Fit::evaluate`].
     pub(crate) fn seen_from(&self, p: DVec3, h: f64) -> Self {
+        let (height, [slope_x, slope_y]) = self.height_and_slopes(p, h);
+        let [.., c3, c4, c5] = self.coefficients;
+        let coefficients = [-height, slope_x, slope_y, c3, c4, c5];
+        let (distance, normal) = self.evaluate(p, h);
+        Self { origin: p, coefficients, displacement: -distance, normal, ..self.clone() }
+    }
+
+    /// How high `p` is above the height field, and the slopes of that below `p`.
+    #[inline]
+    fn height_and_slopes(&self, p: DVec3, h: f64) -> (f64, [f64; 2]) {
         let [t1, t2, m] = self.frame;
         let [c0, c1, c2, c3, c4, c5] = self.coefficients;
         let offset = (p - self.origin) / h;
         let (x, y, z) = (offset.dot(t1), offset.dot(t2), offset.dot(m));
         let height = c0 + c1 * x + c2 * y + 0.5 * c3 * x * x + c4 * x * y + 0.5 * c5 * y * y;
-        let (slope_x, slope_y) = (c1 + c3 * x + c4 * y, c2 + c4 * x + c5 * y);
-        let coefficients = [height - z, slope_x, slope_y, c3, c4, c5];
-        let (distance, normal) = self.evaluate(p, h);
-        Self { origin: p, coefficients, displacement: -distance, normal, ..self.clone() }
+        (z - height, [c1 + c3 * x + c4 * y, c2 + c4 * x + c5 * y])
     }
 
     /// The signed distance of `p` from the fit in units of `h`, the mean edge length that the fit was
@@ -105,13 +112,9 @@ impl Fit {
     #[must_use]
     pub fn evaluate(&self, p: DVec3, h: f64) -> (f64, DVec3) {
         let [t1, t2, m] = self.frame;
-        let [c0, c1, c2, c3, c4, c5] = self.coefficients;
-        let offset = (p - self.origin) / h;
-        let (x, y, z) = (offset.dot(t1), offset.dot(t2), offset.dot(m));
-        let height = c0 + c1 * x + c2 * y + 0.5 * c3 * x * x + c4 * x * y + 0.5 * c5 * y * y;
-        let (slope_x, slope_y) = (c1 + c3 * x + c4 * y, c2 + c4 * x + c5 * y);
+        let (height, [slope_x, slope_y]) = self.height_and_slopes(p, h);
         let steepness = (1.0 + slope_x * slope_x + slope_y * slope_y).sqrt();
-        ((z - height) / steepness, (m - slope_x * t1 - slope_y * t2) / steepness)
+        (height / steepness, (m - slope_x * t1 - slope_y * t2) / steepness)
     }
 }
 
