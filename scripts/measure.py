@@ -259,11 +259,11 @@ def self_intersecting_faces(vertices, faces):
 
 def cut_by_others(vertices, faces):
     """Return which of the faces [F] cut another one of them."""
-    corners = vertices[faces]
-    center = corners.mean(axis=1)
-    radius = np.linalg.norm(corners - center[:, None], axis=2).max(axis=1, initial=0)
     if not len(faces):
         return np.zeros(0, bool)
+    corners = vertices[faces]
+    center = corners.mean(axis=1)
+    radius = np.linalg.norm(corners - center[:, None], axis=2).max(axis=1)
     near = cKDTree(center).query_ball_point(center, radius + radius.max())
     return np.array(
         [any(cut(vertices, faces[i], faces[j]) for j in js if j != i) for i, js in enumerate(near)]

@@ -63,29 +63,11 @@ pub(super) fn anchor(surface: &Surface, fits: &mut VertexFits, chamfers: &[Half]
     type Scratch = (Vec<u32>, Vec<Missed>, Vec<f64>);
     explain_those(fits, is_open, |(round, missed, sizes): &mut Scratch, fits, v| {
         let fit = fits.get(v)?;
-        collect_round(surface, v, round);
+        surface.near.collect_rings(surface.near.of[v], RINGS, MAX_SAMPLES, |_| true, round);
         missed.clear();
         missed.extend(round.iter().filter_map(|&i| miss(surface, fits, v, fit, i)));
         Some(moved(surface, v, fit, plane_of(missed, sizes)?))
     });
-}
-
-/// The numbers of `v` and of the near vertices round it.
-fn collect_round(surface: &Surface, v: Vert, round: &mut Vec<u32>) {
-    round.clear();
-    round.push(surface.near.of[v]);
-    let mut ring_start = 0;
-    for _ in 0..RINGS {
-        let ring = ring_start..round.len();
-        ring_start = round.len();
-        for i in ring {
-            for &j in surface.near.neighbours(round[i]) {
-                if round.len() < MAX_SAMPLES && !round.contains(&j) {
-                    round.push(j);
-                }
-            }
-        }
-    }
 }
 
 /// How `fit`, that of `v`, misses the near vertex with the number `i`, if that is a sample of its surface.

@@ -1,4 +1,5 @@
-//! Which fit explains each doubtful vertex (steps 4 to 6, second pass and late adoption).
+//! Which of several fits explains a vertex best, and what explains vertices that no region does (step 6, second pass and
+//! late adoption).
 
 use rayon::prelude::*;
 
@@ -73,25 +74,15 @@ pub(super) fn explain_by_red_faces(surface: &Surface, fits: &mut VertexFits) {
 
 /// Step 6b: fits among the vertices that are still without one.
 pub(super) fn explain_by_leftovers(surface: &Surface, fits: &mut VertexFits, max_rms: f64) {
-    type Scratch = (Vec<Vert>, Vec<Sample>, Fitter);
+    type Scratch = (Vec<u32>, Vec<Sample>, Fitter);
+    let near = &surface.near;
     explain_the_rest(surface, fits, |(members, samples, fitter): &mut Scratch, fits, centre| {
         let is_left = |v: Vert| !surface.interior[v] && fits.get(v).is_none();
-        members.clear();
-        members.push(centre);
-        let mut ring_start = 0;
-        for _ in 0..LEFTOVER_RINGS {
-            let ring = ring_start..members.len();
-            ring_start = members.len();
-            for i in ring {
-                for w in surface.neighbours(members[i]) {
-                    if is_left(w) && !members.contains(&w) {
-                        members.push(w);
-                    }
-                }
-            }
-        }
+        let is_left_near = |i: u32| is_left(near.verts[i as usize]);
+        near.collect_rings(near.of[centre], LEFTOVER_RINGS, usize::MAX, is_left_near, members);
         let is_left_face = |f| surface.mesh.corners(f).into_iter().all(is_left);
-        let sample = |&v: &Vert| {
+        let sample = |&i: &u32| {
+            let v = near.verts[i as usize];
             let normal = surface.normal_of(v, is_left_face);
             let offset = (surface.mesh.point(v) - surface.mesh.point(centre)) / surface.h;
             (normal != glam::DVec3::ZERO).then_some(Sample { offset, normal, trust: 1.0 })

@@ -57,6 +57,33 @@ impl Near {
     pub fn neighbours(&self, i: u32) -> &[u32] {
         &self.neighbours[self.starts[i as usize] as usize..self.starts[i as usize + 1] as usize]
     }
+
+    /// Puts into `found` the vertex with the number `centre` and those so many `rings` round it that belong, by their
+    /// numbers, ring by ring and at most `max`; those that do not belong lead nowhere. Takes time in the square of
+    /// what it finds.
+    pub fn collect_rings(
+        &self,
+        centre: u32,
+        rings: usize,
+        max: usize,
+        belongs: impl Fn(u32) -> bool,
+        found: &mut Vec<u32>,
+    ) {
+        found.clear();
+        found.push(centre);
+        let mut ring_start = 0;
+        for _ in 0..rings {
+            let ring = ring_start..found.len();
+            ring_start = found.len();
+            for i in ring {
+                for &w in self.neighbours(found[i]) {
+                    if found.len() < max && belongs(w) && !found.contains(&w) {
+                        found.push(w);
+                    }
+                }
+            }
+        }
+    }
 }
 
 /// `verts` in the order of a curve that fills space, so that what is near has a near number: it goes from cell to

@@ -139,6 +139,7 @@ fn round_through(u: f64, v: f64, cosine: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::mesh::Mesh;
     use crate::mesh::tests::mesh;
     use crate::regions::gates::judge_strips;
     use crate::regions::tests::{labels, planes};
@@ -168,14 +169,18 @@ mod tests {
     const STEP: f64 = 1.0;
     const H: f64 = (2.0 + std::f64::consts::SQRT_2) / 3.0 * STEP;
 
+    /// A row of `n` squares along x, with two vertices at each step that are at (y, z) = `row`.
+    fn ribbon(n: usize, row: impl Fn(usize) -> [[f64; 2]; 2]) -> Mesh {
+        let points: Vec<[f64; 3]> = (0..=n).flat_map(|i| row(i).map(|[y, z]| [i as f64, y, z])).collect();
+        let square = |i: usize| [[2 * i, 2 * i + 2, 2 * i + 3], [2 * i, 2 * i + 3, 2 * i + 1]];
+        mesh(&points, &(0..n).flat_map(square).collect::<Vec<_>>())
+    }
+
     /// A ridge along x, `n` squares long, between one side that faces up and one that faces +y, or the valley between
     /// the two seen from below. One row of squares cuts it off: the samples of the first side are at (y, z) = `first`,
     /// those of the second at `second`.
     fn judged(n: usize, first: [f64; 2], second: [f64; 2], up: f64, change: impl Fn(&mut Fit)) -> Strip {
-        let row = |i: usize| [[i as f64, first[0], first[1]], [i as f64, second[0], second[1]]];
-        let points: Vec<[f64; 3]> = (0..=n).flat_map(row).collect();
-        let square = |i: usize| [[2 * i, 2 * i + 2, 2 * i + 3], [2 * i, 2 * i + 3, 2 * i + 1]];
-        let m = mesh(&points, &(0..n).flat_map(square).collect::<Vec<_>>());
+        let m = ribbon(n, |_| [first, second]);
         let (normals, labels) = labels(&m);
         let mut surface = Surface::new(&m, &normals, &labels);
         (surface.h, surface.interior) = (H, crate::mesh::PerVert::filled(m.n_verts(), false));
@@ -227,10 +232,7 @@ mod tests {
     ) -> Strip {
         let n = 30;
         let share = |i: usize| (7 * i % 30) as f64 / 30.0;
-        let row = |i: usize| [first(share(i)), second(share(i))].map(|[y, z]| [i as f64, y, z]);
-        let points: Vec<[f64; 3]> = (0..=n).flat_map(row).collect();
-        let square = |i: usize| [[2 * i, 2 * i + 2, 2 * i + 3], [2 * i, 2 * i + 3, 2 * i + 1]];
-        let m = mesh(&points, &(0..n).flat_map(square).collect::<Vec<_>>());
+        let m = ribbon(n, |i| [first(share(i)), second(share(i))]);
         let (normals, labels) = labels(&m);
         let mut surface = Surface::new(&m, &normals, &labels);
         (surface.h, surface.interior) = (H, crate::mesh::PerVert::filled(m.n_verts(), false));

@@ -5,7 +5,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::near::Near;
-use crate::classify::{Labels, core_faces, flood_over_smooth_edges};
+use crate::classify::{CALM_ANGLE, Labels, core_faces, flood_over_smooth_edges};
 use crate::geometry::angle_between;
 use crate::mesh::{Face, Half, Mesh, PerFace, PerVert, Vert};
 
@@ -17,7 +17,7 @@ const MIN_REGION: usize = 4;
 /// over edges that bend less is a round of more than four edges, and no chamfer. Finely sampled parts have
 /// most of their doubtful vertices on rounds that bend by a degree or two: there this saves two thirds of the
 /// work. On 25 of 31 inputs every doubtful vertex is near such an edge.
-const BENT_ANGLE: f64 = 8.0 * std::f64::consts::PI / 180.0;
+const BENT_ANGLE: f64 = CALM_ANGLE;
 /// Near are this many rings: the ends of chamfer edges have such an edge, and what moves with them is next to these.
 const BENT_RINGS: usize = 3;
 
