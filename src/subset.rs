@@ -5,7 +5,7 @@ use std::marker::PhantomData;
 
 use crate::mesh::Element;
 
-/// A set of vertices or faces.
+/// A set of vertices, faces or half-edges.
 #[derive(Clone, Debug)]
 pub(crate) struct Subset<I> {
     words: Vec<u64>,

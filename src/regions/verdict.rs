@@ -2,12 +2,14 @@
 
 use std::collections::BTreeMap;
 
+use rayon::prelude::*;
 use serde::Serialize;
 
 use super::{Apex, Fate, RegionLabels};
 use crate::fit::{Fit, FitSource};
 use crate::mesh::{Face, Half, Mesh, Vert};
 use crate::place::{Outcome, Placement};
+use crate::subset::Subset;
 
 /// What speaks for a recovered crease or corner.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
@@ -65,7 +67,7 @@ pub fn verdict(mesh: &Mesh, labels: &RegionLabels, placement: &Placement) -> Ver
     let support = |edges: &[Half], at: Vert| support(mesh, labels, placement, edges, at);
     let inserted = |h: Half| placement.inserts.on_edge[h];
     let mut creases: Vec<Support> =
-        creases(mesh, labels).iter().map(|edges| support(edges, inserted(edges[0]))).collect();
+        creases(mesh, labels).par_iter().map(|edges| support(edges, inserted(edges[0]))).collect();
     creases.sort_by_key(|crease| std::cmp::Reverse(crease.edges));
     let corner = |&f: &Face| Some(support(&f.halves(), placement.inserts.centre(f)?));
     let corners = labels.corner_faces.iter().filter_map(corner);
@@ -83,11 +85,12 @@ pub fn verdict(mesh: &Mesh, labels: &RegionLabels, placement: &Placement) -> Ver
 
 /// The chamfer edges in groups that share triangles with two chamfer edges: corner triangles part them.
 fn creases(mesh: &Mesh, labels: &RegionLabels) -> Vec<Vec<Half>> {
-    let is_chamfer = |h: &Half| labels.is_chamfer(mesh, *h);
-    let mut is_done = std::collections::BTreeSet::new();
+    let chamfers = Subset::of(mesh.n_halves(), labels.chamfers.iter().copied());
+    let is_chamfer = |h: &Half| chamfers.contains(mesh.edge(*h));
+    let mut done = Subset::of(mesh.n_halves(), []);
     let mut groups = Vec::new();
     for &start in &labels.chamfers {
-        if !is_done.insert(start) {
+        if !done.insert(start) {
             continue;
         }
         let mut group = vec![start];
@@ -96,9 +99,7 @@ fn creases(mesh: &Mesh, labels: &RegionLabels) -> Vec<Vec<Half>> {
             for h in [Some(group[next]), mesh.twin(group[next])].into_iter().flatten() {
                 let beside = h.face().halves();
                 if beside.iter().filter(|h| is_chamfer(h)).count() == 2 {
-                    let fresh = |g: &&Half| is_chamfer(g) && is_done.insert(mesh.edge(**g));
-                    let fresh: Vec<Half> = beside.iter().filter(fresh).copied().collect();
-                    group.extend(fresh);
+                    group.extend(beside.iter().filter(|h| is_chamfer(h) && done.insert(mesh.edge(**h))));
                 }
             }
             next += 1;

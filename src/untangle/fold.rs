@@ -6,6 +6,7 @@ use rayon::prelude::*;
 use super::{UntangleCounts, Zone};
 use crate::geometry::{angle_between, unit_normal};
 use crate::mesh::{Face, Vert};
+use crate::subset::Subset;
 
 /// An edge with a larger dihedral angle is a fold, in radians: 150 degrees.
 pub(super) const FOLD_ANGLE: f64 = 150.0 * std::f64::consts::PI / 180.0;
@@ -15,6 +16,17 @@ const MIN_FALL: f64 = std::f64::consts::PI / 180.0;
 const MIN_SHAPE: f64 = 0.005;
 /// Each round uncovers what the flips before it did; few edges are left after the first.
 const ROUNDS: usize = 4;
+/// Vertices per unit of parallel work.
+const CHUNK: usize = 1024;
+
+/// A face at a vertex: it runs from there to `to`, and comes back from `from`.
+struct Spoke {
+    face: Face,
+    to: Vert,
+    from: Vert,
+    /// The normal, twice the area long.
+    area: DVec3,
+}
 
 impl Zone<'_, '_, '_> {
     /// Flips folds, sharpest first; a face and its neighbours take part in one flip a round.
@@ -29,42 +41,50 @@ impl Zone<'_, '_, '_> {
                 return;
             }
             counts.flipped += flipped.len() / 2;
-            // Only edges of flipped faces have other angles now, and each is seen from one of its two faces.
-            let beside = flipped.iter().flat_map(|&f| self.neighbours(f));
-            let mut faces: Vec<Face> = folds.iter().map(|&(_, f, ..)| f).chain(beside).collect();
-            faces.append(&mut flipped);
-            faces.sort_unstable();
-            faces.dedup();
-            folds = self.folds_among(&faces);
+            // Only edges of flipped faces have other angles now.
+            flipped.extend(folds.iter().map(|&(_, f, ..)| f));
+            folds = self.folds_among(&flipped);
         }
     }
 
-    /// The folds inside the zone that are seen from `faces`, as (cosine, face, from, to), the sharpest first.
+    /// The folds inside the zone at corners of `faces`, as (cosine, face, from, to), the sharpest first.
     fn folds_among(&self, faces: &[Face]) -> Vec<(f64, Face, Vert, Vert)> {
-        let area = |f: Face| {
-            let [a, b, c] = self.edit.triangle(f);
-            (b - a).cross(c - a)
+        let standing = faces.iter().filter(|&&f| self.edit.stands(f));
+        let corners = standing.flat_map(|&f| self.edit.corners(f));
+        let verts: Vec<Vert> = Subset::of(self.is_inner.len(), corners).iter().collect();
+        let folds_of = |verts: &[Vert]| {
+            let (mut spokes, mut folds) = (Vec::new(), Vec::new());
+            verts.iter().for_each(|&v| self.add_folds_at(v, &mut spokes, &mut folds));
+            folds
         };
-        let folds_of = |&f: &Face| {
-            let (t, own) = (self.edit.corners(f), area(f));
-            let edges = [0, 1, 2].map(|i| (t[i], t[(i + 1) % 3])).into_iter().filter(|(a, b)| a < b);
-            edges.filter_map(move |(a, b)| {
-                let beside = self.edit.faces_beside(a, b).filter(|beside| beside[0] == f)?;
-                let g = Some(beside[1]).filter(|&g| self.in_zone(g) && own.dot(area(g)) <= 0.0)?;
-                let cosine = self.normal(f)?.dot(self.normal(g)?);
-                (cosine < FOLD_ANGLE.cos()).then_some((cosine, f, a, b))
-            })
-        };
-        let standing = faces.par_iter().filter(|&&f| self.in_zone(f) && self.edit.stands(f));
-        let mut folds: Vec<_> = standing.flat_map_iter(folds_of).collect();
+        let mut folds = verts.par_chunks(CHUNK).flat_map_iter(folds_of).collect::<Vec<_>>();
         folds.sort_by(|x, y| x.0.total_cmp(&y.0).then((x.2, x.3).cmp(&(y.2, y.3))));
         folds
     }
 
-    /// The standing faces across the edges of `f`.
-    fn neighbours(&self, f: Face) -> impl Iterator<Item = Face> + '_ {
-        let t = self.edit.corners(f);
-        (0..3).flat_map(move |i| self.beside(t[i], t[(i + 1) % 3])).filter(move |&g| g != f)
+    /// Adds the folds on edges from `a` to vertices of higher index. All edges at a vertex are looked at together:
+    /// its faces are read once, and hardly any edge folds.
+    fn add_folds_at(&self, a: Vert, spokes: &mut Vec<Spoke>, folds: &mut Vec<(f64, Face, Vert, Vert)>) {
+        spokes.clear();
+        for &f in self.edit.faces_at(a) {
+            let t = self.edit.corners(f);
+            let i = t.iter().position(|&v| v == a).unwrap_or(0);
+            let [p, q, r] = self.edit.triangle(f);
+            let (to, from, area) = (t[(i + 1) % 3], t[(i + 2) % 3], (q - p).cross(r - p));
+            spokes.push(Spoke { face: f, to, from, area });
+        }
+        for f in spokes.iter().filter(|f| a < f.to && self.in_zone(f.face)) {
+            let across = spokes.iter().find(|g| g.from == f.to);
+            let Some(g) = across.filter(|g| f.area.dot(g.area) <= 0.0 && self.in_zone(g.face)) else {
+                continue;
+            };
+            if self.edit.faces_beside(a, f.to) == Some([f.face, g.face])
+                && let (Some(n), Some(m)) = (self.normal(f.face), self.normal(g.face))
+                && n.dot(m) < FOLD_ANGLE.cos()
+            {
+                folds.push((n.dot(m), f.face, a, f.to));
+            }
+        }
     }
 
     fn normal(&self, f: Face) -> Option<DVec3> {

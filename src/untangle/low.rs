@@ -72,8 +72,8 @@ impl Zone<'_, '_, '_> {
     /// Collapses vertices that lie low over crease edges or fold over them, the lowest first.
     pub(super) fn collapse_low_faces(&mut self, counts: &mut UntangleCounts) {
         for _ in 0..ROUNDS {
-            let standing = self.faces.par_iter().filter(|&&f| self.edit.stands(f));
-            let mut low: Vec<Low> = standing.filter_map(|&f| self.low(f)).collect();
+            let inserted = (self.n_old..self.n_old + self.creases.len()).into_par_iter().map(Vert::new);
+            let mut low: Vec<Low> = inserted.flat_map_iter(|v| self.low_beside(v)).collect();
             low.sort_unstable_by(|x, y| x.height.total_cmp(&y.height).then(x.face.cmp(&y.face)));
             let mut n_collapsed = 0;
             for Low { face, .. } in low {
@@ -90,6 +90,12 @@ impl Zone<'_, '_, '_> {
             }
             counts.collapsed += n_collapsed;
         }
+    }
+
+    /// The low faces beside the crease edges from `v` to vertices of higher index.
+    fn low_beside(&self, v: Vert) -> impl Iterator<Item = Low> + '_ {
+        let higher = self.crease(v).iter().filter(move |&&w| v < w);
+        higher.flat_map(move |&w| self.beside(v, w)).filter_map(|f| self.low(f))
     }
 
     /// Whether `f` has a crease edge and is low over it, or near it and folded.

@@ -18,6 +18,8 @@ const LONGEST_RUN: usize = 6;
 const BACK_GAIN: f64 = 0.5;
 /// ... and going further than a part of the way must gain this much more.
 const FURTHER_BACK_GAIN: f64 = 0.25;
+/// Energies that differ by less are equal.
+const ROUNDING: f64 = 1e-9;
 
 /// What to do about a bad face.
 #[derive(Clone, Debug)]
@@ -171,14 +173,9 @@ impl Zone<'_, '_, '_> {
         }
         let faces = self.edit.faces_at(gone).to_vec();
         let old: f64 = faces.iter().map(|&f| self.value_of(f)).sum();
-        let mut new = 0.0;
-        for f in faces.into_iter().filter(|f| !beside.contains(f)) {
-            let triangle = self.edit.corners(f).map(|v| self.edit.point(if v == gone { kept } else { v }));
-            new += self.allowed(f, self.energy_of(triangle, f))?;
-        }
-        if new >= old - MIN_GAIN && !(even_if_equal && new <= old + 1e-9) {
-            return None;
-        }
+        let limit = if even_if_equal { old + ROUNDING } else { old - MIN_GAIN };
+        let others = faces.into_iter().filter(|f| !beside.contains(f));
+        let new = self.energy_with(&[gone], &[self.edit.point(kept)], others, limit)?;
         if along && n_creases == 2 {
             let &other = self.crease(gone).iter().find(|&&w| w != kept)?;
             let middle = self.edit.point(other).midpoint(self.edit.point(kept));
@@ -193,6 +190,31 @@ impl Zone<'_, '_, '_> {
     fn allowed(&mut self, f: Face, new: Energy) -> Option<f64> {
         let limit = FACE_TOLERANCE.max(self.energy(f).residual * 1.0001);
         (new.residual <= limit).then(|| self.value(new))
+    }
+
+    /// The energy of `faces` with `vertices` moved `to` other places, if none of them leaves its fit and the sum is
+    /// less than `limit`.
+    fn energy_with(
+        &mut self,
+        vertices: &[Vert],
+        to: &[DVec3],
+        faces: impl IntoIterator<Item = Face>,
+        limit: f64,
+    ) -> Option<f64> {
+        let mut sum = 0.0;
+        for f in faces {
+            let triangle = self.edit.corners(f).map(|v| self.point_with(vertices, to, v));
+            sum += self.allowed(f, self.energy_of(triangle, f))?;
+            if sum >= limit {
+                return None;
+            }
+        }
+        (sum < limit).then_some(sum)
+    }
+
+    /// Where `v` is with `vertices` moved `to` other places.
+    fn point_with(&self, vertices: &[Vert], to: &[DVec3], v: Vert) -> DVec3 {
+        vertices.iter().position(|&w| w == v).map_or_else(|| self.edit.point(v), |i| to[i])
     }
 
     /// Whether a vertex opposite to `gone`-`kept` is joined to both by creases: these would become one.
@@ -230,7 +252,7 @@ impl Zone<'_, '_, '_> {
             let second = self.allowed(faces[1], self.energy_of(points[1], faces[1]));
             if let (Some(first), Some(second)) = (first, second) {
                 let gain = old - first - second;
-                if gain > MIN_GAIN && best.is_none_or(|(most, _)| gain > most + 1e-9) {
+                if gain > MIN_GAIN && best.is_none_or(|(most, _)| gain > most + ROUNDING) {
                     best = Some((gain, faces));
                 }
             }
@@ -296,18 +318,15 @@ impl Zone<'_, '_, '_> {
         faces.sort_unstable();
         faces.dedup();
         let old: f64 = faces.iter().map(|&f| self.value_of(f)).sum();
-        let mut new = 0.0;
-        for f in faces.into_iter().filter(|f| !beside.contains(f)) {
-            let at = |v: Vert| if v == gone || v == kept { to } else { self.edit.point(v) };
-            new += self.allowed(f, self.energy_of(self.edit.corners(f).map(at), f))?;
-        }
+        let others = faces.into_iter().filter(|f| !beside.contains(f));
+        let new = self.energy_with(&[gone, kept], &[to; 2], others, old - MIN_GAIN)?;
         let stays_on_crease = |&v: &Vert| {
             self.crease(v)
                 .iter()
                 .filter(|&&w| w != gone && w != kept)
                 .all(|&w| self.is_on_its_fits(to.midpoint(self.edit.point(w)), v, w))
         };
-        (old - new > MIN_GAIN && [gone, kept].iter().all(stays_on_crease)).then_some(old - new)
+        [gone, kept].iter().all(stays_on_crease).then_some(old - new)
     }
 
     /// Puts a crease vertex elsewhere between its two crease neighbours.
@@ -384,20 +403,13 @@ impl Zone<'_, '_, '_> {
         faces.sort_unstable();
         faces.dedup();
         let old: f64 = faces.iter().map(|&f| self.value_of(f)).sum();
-        let at = |zone: &Self, v: Vert| match vertices.iter().position(|&w| w == v) {
-            Some(i) => to[i],
-            None => zone.edit.point(v),
-        };
-        let mut new = 0.0;
-        for f in faces {
-            let triangle = self.edit.corners(f).map(|v| at(self, v));
-            new += self.allowed(f, self.energy_of(triangle, f))?;
-        }
+        let new = self.energy_with(vertices, to, faces, old - MIN_GAIN)?;
+        let at = |v: Vert| self.point_with(vertices, to, v);
         let stays = |&v: &Vert| {
-            let middle = |w: Vert| at(self, v).midpoint(at(self, w));
+            let middle = |w: Vert| at(v).midpoint(at(w));
             self.crease(v).iter().all(|&w| self.is_on_its_fits(middle(w), v, w))
         };
-        (old - new > MIN_GAIN && vertices.iter().all(stays)).then_some(old - new)
+        vertices.iter().all(stays).then_some(old - new)
     }
 
     /// Moves an inserted vertex part of the way back to the middle of its edge or face.
