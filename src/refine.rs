@@ -373,18 +373,29 @@ pub(crate) fn split(mesh: &Mesh, inserts: &Inserts) -> Result<Split, MeshError> 
     let old_point = |v: Vert| inserts.old_point(mesh, v);
     let middles = middles(mesh, inserts, old_point, &faces);
     let middle = |v: Vert| v.index().checked_sub(mesh.n_verts()).map_or_else(|| old_point(v), |i| middles[i]);
-    let mut split =
-        Split { starts: vec![0], children: Vec::new(), creases: Vec::new(), faces, middles: Vec::new() };
-    for &f in &split.faces {
-        let children = split_face(mesh, inserts, f, middle);
-        split.creases.extend(creases_of(&children));
-        split.children.extend_from_slice(&children);
-        split.starts.push(split.children.len() as u32);
+    let split_those = |faces: &[Face]| {
+        let (mut lengths, mut children, mut creases) =
+            (Vec::with_capacity(faces.len()), Vec::new(), Vec::new());
+        for &f in faces {
+            let own = split_face(mesh, inserts, f, middle);
+            creases.extend(creases_of(&own));
+            children.extend_from_slice(&own);
+            lengths.push(own.len() as u32);
+        }
+        (lengths, children, creases)
+    };
+    let pieces: Vec<_> = faces.par_chunks(SPLIT_CHUNK).map(split_those).collect();
+    let (mut starts, mut children, mut creases) = (vec![0], Vec::new(), Vec::new());
+    for (lengths, own_children, own_creases) in pieces {
+        for n in lengths {
+            starts.push(starts[starts.len() - 1] + n);
+        }
+        children.extend(own_children);
+        creases.extend(own_creases);
     }
-    split.middles = middles;
-    let n_faces = mesh.n_faces() - split.faces.len() + split.children.len();
+    let n_faces = mesh.n_faces() - faces.len() + children.len();
     check_size(mesh.n_verts() + inserts.points.len(), n_faces)?;
-    Ok(split)
+    Ok(Split { faces, starts, children, creases, middles })
 }
 
 /// Rebuilds `mesh` with `inserts`.
@@ -437,6 +448,8 @@ struct Chunk<'a> {
 
 /// So many old faces are rebuilt at a time: far more than it costs to hand them out.
 const CHUNK: usize = 1 << 14;
+/// So many faces are split at a time.
+const SPLIT_CHUNK: usize = 1 << 10;
 
 fn chunks<'a>(mesh: &Mesh, inserts: &Inserts, split: &'a [Face]) -> Vec<Chunk<'a>> {
     let n_grown = |&f: &Face| match inserts.on_edge.of_face(f).into_iter().filter(|v| v.is_some()).count() {
