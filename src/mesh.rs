@@ -8,224 +8,25 @@
 //! Differs: an edge whose half-edges are not exactly two, opposite in direction, gets no twins. It is
 //! a border to every later pass, which therefore needs no special case for it; the mesh counts it.
 
-use std::fmt;
-use std::ops::{Index, IndexMut};
+mod element;
+mod fans;
+mod twins;
+
 use std::sync::OnceLock;
-use std::sync::atomic::{AtomicU32, Ordering};
 
 use glam::DVec3;
 use rayon::prelude::*;
 
 use crate::geometry::unit_normal;
 
-/// What kinds of elements have in common: an index of their own type.
-pub(crate) trait Element: Copy {
-    fn of(i: usize) -> Self;
-    fn at(self) -> usize;
-}
+pub(crate) use element::Element;
+pub use element::{Face, Half, PerElement, PerFace, PerHalf, PerVert, Vert};
+pub use fans::Fans;
+pub use twins::EdgeDefects;
+use twins::{Twins, pair_twins};
 
-macro_rules! index_type {
-    ($(#[$doc:meta])* $name:ident) => {
-        $(#[$doc])*
-        #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
-        #[repr(transparent)]
-        pub struct $name(u32);
-
-        impl $name {
-            /// The index that stands for "there is none". Never a valid index into a mesh.
-            pub const NONE: Self = Self(u32::MAX);
-
-            /// Makes the index `i`.
-            ///
-            /// # Panics
-            /// When `i` is `u32::MAX` or more.
-            #[inline]
-            #[must_use]
-            pub fn new(i: usize) -> Self {
-                assert!(i < u32::MAX as usize, "index {i} does not fit");
-                Self(i as u32)
-            }
-
-            /// The index as a plain number, for arrays.
-            #[inline]
-            #[must_use]
-            pub fn index(self) -> usize {
-                self.0 as usize
-            }
-
-            /// Whether this is an index at all, that is, not [`NONE`](Self::NONE).
-            #[inline]
-            #[must_use]
-            pub fn is_some(self) -> bool {
-                self != Self::NONE
-            }
-        }
-
-        impl Element for $name {
-            #[inline]
-            fn of(i: usize) -> Self {
-                Self::new(i)
-            }
-
-            #[inline]
-            fn at(self) -> usize {
-                self.index()
-            }
-        }
-
-        impl fmt::Debug for $name {
-            fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-                if self.is_some() {
-                    write!(f, concat!(stringify!($name), "({})"), self.0)
-                } else {
-                    write!(f, concat!(stringify!($name), "(none)"))
-                }
-            }
-        }
-
-        impl<T> Index<$name> for PerElement<$name, T> {
-            type Output = T;
-            #[inline]
-            fn index(&self, i: $name) -> &T {
-                &self.values[i.index()]
-            }
-        }
-
-        impl<T> IndexMut<$name> for PerElement<$name, T> {
-            #[inline]
-            fn index_mut(&mut self, i: $name) -> &mut T {
-                &mut self.values[i.index()]
-            }
-        }
-    };
-}
-
-index_type!(
-    /// Index of a vertex.
-    Vert
-);
-index_type!(
-    /// Index of a half-edge: `3f + i` runs from corner `i` to corner `i + 1` of face `f`.
-    Half
-);
-index_type!(
-    /// Index of a triangle.
-    Face
-);
-
-impl Half {
-    /// The next half-edge of the same face.
-    #[inline]
-    #[must_use]
-    pub fn next(self) -> Self {
-        Self(if self.0 % 3 == 2 { self.0 - 2 } else { self.0 + 1 })
-    }
-
-    /// The previous half-edge of the same face.
-    #[inline]
-    #[must_use]
-    pub fn prev(self) -> Self {
-        Self(if self.0.is_multiple_of(3) { self.0 + 2 } else { self.0 - 1 })
-    }
-
-    /// The face that this half-edge belongs to.
-    #[inline]
-    #[must_use]
-    pub fn face(self) -> Face {
-        Face(self.0 / 3)
-    }
-
-    /// Which corner of its face this half-edge starts from: 0, 1 or 2.
-    #[inline]
-    #[must_use]
-    pub fn corner(self) -> usize {
-        (self.0 % 3) as usize
-    }
-}
-
-impl Face {
-    /// The three half-edges of the face, in order.
-    #[inline]
-    #[must_use]
-    pub fn halves(self) -> [Half; 3] {
-        [0, 1, 2].map(|i| Half(3 * self.0 + i))
-    }
-
-    /// The half-edge from corner `i` to corner `i + 1`.
-    #[inline]
-    #[must_use]
-    pub fn half(self, i: usize) -> Half {
-        debug_assert!(i < 3);
-        Half(3 * self.0 + i as u32)
-    }
-}
-
-/// An array with one value per element of one kind: `PerVert<f64>` takes a [`Vert`] as its index and
-/// nothing else.
-#[derive(Clone, Debug, PartialEq)]
-pub struct PerElement<I, T> {
-    values: Vec<T>,
-    kind: std::marker::PhantomData<I>,
-}
-
-/// One value per vertex.
-pub type PerVert<T> = PerElement<Vert, T>;
-/// One value per half-edge.
-pub type PerHalf<T> = PerElement<Half, T>;
-/// One value per face.
-pub type PerFace<T> = PerElement<Face, T>;
-
-impl<I, T> PerElement<I, T> {
-    /// `n` copies of `value`.
-    #[must_use]
-    pub fn filled(n: usize, value: T) -> Self
-    where
-        T: Clone,
-    {
-        vec![value; n].into()
-    }
-
-    /// How many elements there are.
-    #[must_use]
-    pub fn len(&self) -> usize {
-        self.values.len()
-    }
-
-    /// Whether there is no element.
-    #[must_use]
-    pub fn is_empty(&self) -> bool {
-        self.values.is_empty()
-    }
-
-    /// The values in index order.
-    #[must_use]
-    pub fn as_slice(&self) -> &[T] {
-        &self.values
-    }
-
-    /// The values in index order, to be changed in place.
-    pub fn as_mut_slice(&mut self) -> &mut [T] {
-        &mut self.values
-    }
-
-    /// The plain vector.
-    #[must_use]
-    pub fn into_vec(self) -> Vec<T> {
-        self.values
-    }
-}
-
-impl<I, T> From<Vec<T>> for PerElement<I, T> {
-    fn from(values: Vec<T>) -> Self {
-        Self { values, kind: std::marker::PhantomData }
-    }
-}
-
-impl<I, T> Default for PerElement<I, T> {
-    fn default() -> Self {
-        Vec::new().into()
-    }
-}
+/// Vertices or faces per unit of parallel work.
+const CHUNK: usize = 4096;
 
 /// Why arrays do not make a mesh.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
@@ -266,17 +67,6 @@ pub const MAX_FACES: usize = (u32::MAX / 3) as usize;
 /// Most vertices that a mesh can have.
 pub const MAX_VERTS: usize = (u32::MAX - 1) as usize;
 
-/// What is irregular about the edges of a mesh. Such edges stay borders.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
-pub struct EdgeDefects {
-    /// Edges with three or more faces.
-    pub non_manifold_edges: usize,
-    /// Edges with two faces that run the same way along it: their orientations disagree.
-    pub misoriented_edges: usize,
-    /// Faces that name one vertex twice. They have no twins at all.
-    pub collapsed_faces: usize,
-}
-
 /// A triangle mesh with half-edges.
 ///
 /// Vertices may be unused, faces degenerate or doubled, edges non-manifold, fans may touch in a
@@ -299,15 +89,6 @@ pub struct Mesh {
     faces: PerFace<[Vert; 3]>,
     twins: OnceLock<Twins>,
     fans: OnceLock<Fans>,
-}
-
-/// The twin of each half-edge, and what stood in the way of others.
-#[derive(Clone, Debug, PartialEq)]
-struct Twins {
-    of: PerHalf<Half>,
-    /// How many have none.
-    n_borders: usize,
-    defects: EdgeDefects,
 }
 
 impl Mesh {
@@ -594,185 +375,9 @@ pub(crate) fn check_size(n_verts: usize, n_faces: usize) -> Result<(), MeshError
     Ok(())
 }
 
-/// Pairs each half-edge with the one that runs the other way, where these two are alone on their edge.
-///
-/// The faces at a vertex hold both half-edges of all its edges, so each vertex finds the twins of the
-/// half-edges that leave it, without hashing and in parallel. A vertex with very many edges sorts them.
-fn pair_twins(faces: &[[Vert; 3]], fans: &Fans) -> Twins {
-    // Each entry is written once, at the vertex that its half-edge leaves.
-    let twins: Vec<AtomicU32> =
-        (0..3 * faces.len()).into_par_iter().map(|_| AtomicU32::new(Half::NONE.0)).collect();
-    let set = |h: Half, twin: Half| twins[h.index()].store(twin.0, Ordering::Relaxed);
-    let n_verts = fans.starts.len() - 1;
-    let defects = (0..n_verts.div_ceil(CHUNK))
-        .into_par_iter()
-        .map_init(Vec::new, |spokes, chunk| {
-            let mut defects = EdgeDefects::default();
-            for v in (CHUNK * chunk..n_verts.min(CHUNK * (chunk + 1))).map(Vert::new) {
-                let leaving = fans.leaving(v);
-                let paired = match leaving.len() {
-                    0..=8 => pair_few::<8>(faces, v, leaving, set),
-                    9..=16 => pair_few::<16>(faces, v, leaving, set),
-                    _ => None,
-                };
-                paired.unwrap_or_else(|| pair_many(faces, v, leaving, spokes, set, &mut defects));
-            }
-            defects
-        })
-        .reduce(EdgeDefects::default, |a, b| EdgeDefects {
-            non_manifold_edges: a.non_manifold_edges + b.non_manifold_edges,
-            misoriented_edges: a.misoriented_edges + b.misoriented_edges,
-            collapsed_faces: a.collapsed_faces + b.collapsed_faces,
-        });
-    let of = twins.into_iter().map(|twin| Half(twin.into_inner())).collect::<Vec<_>>();
-    let n_borders = of.par_iter().filter(|twin| !twin.is_some()).count();
-    Twins { of: of.into(), n_borders, defects }
-}
-
-/// Vertices per unit of parallel work.
-const CHUNK: usize = 4096;
-
-/// Finds the twins of the at most `N` half-edges `leaving` `v`. None when one of the faces is collapsed or one of
-/// the edges irregular; what is set by then is right.
-#[inline]
-fn pair_few<const N: usize>(
-    faces: &[[Vert; 3]],
-    v: Vert,
-    leaving: &[Half],
-    set: impl Fn(Half, Half),
-) -> Option<()> {
-    const NEXT: [usize; 3] = [1, 2, 0];
-    let (mut to, mut from, mut before) = ([Vert::NONE; N], [Vert::NONE; N], [Half::NONE; N]);
-    for (i, &h) in leaving.iter().enumerate() {
-        let (face, next) = (h.face(), NEXT[h.corner()]);
-        let corners = &faces[face.index()];
-        (to[i], from[i], before[i]) = (corners[next], corners[NEXT[next]], face.half(NEXT[next]));
-        if to[i] == v || from[i] == v || to[i] == from[i] {
-            return None;
-        }
-    }
-    for (&h, w) in leaving.iter().zip(to) {
-        // How often `w` is in `to`, in `from`, and where: in one sum without a branch, so that several are added
-        // at a time.
-        let mut sum = 0u32;
-        for i in 0..N {
-            sum += if to[i] == w { 1 << 16 } else { 0 };
-            sum += if from[i] == w { (1 << 8) + i as u32 } else { 0 };
-        }
-        match (sum >> 16, sum >> 8 & 0xff) {
-            (1, 0) => {}
-            (1, 1) => set(h, before[(sum & 0xff) as usize]),
-            _ => return None,
-        }
-    }
-    Some(())
-}
-
-/// Finds the twins of the half-edges `leaving` `v`, whatever their faces are, and counts what is irregular.
-/// An irregular edge counts at its lower vertex, unless no half-edge of it leaves that one.
-fn pair_many(
-    faces: &[[Vert; 3]],
-    v: Vert,
-    leaving: &[Half],
-    spokes: &mut Vec<(Vert, bool, Half)>,
-    set: impl Fn(Half, Half),
-    defects: &mut EdgeDefects,
-) {
-    spokes.clear();
-    for &h in leaving {
-        let corners = &faces[h.face().index()];
-        if has_repeated_vertex(corners) {
-            // Counted where its lowest half-edge leaves.
-            defects.collapsed_faces += usize::from(h.corner() == 0);
-            continue;
-        }
-        spokes.push((corners[h.next().corner()], false, h));
-        spokes.push((corners[h.prev().corner()], true, h.prev()));
-    }
-    spokes.sort_unstable();
-    for edge in spokes.chunk_by(|x, y| x.0 == y.0) {
-        let n_leaving = edge.iter().filter(|spoke| !spoke.1).count();
-        let is_mine = n_leaving > 0 && (v < edge[0].0 || n_leaving == edge.len());
-        match *edge {
-            [_] => {}
-            [(_, false, h), (_, true, twin)] => set(h, twin),
-            [_, _] => defects.misoriented_edges += usize::from(is_mine),
-            _ => defects.non_manifold_edges += usize::from(is_mine),
-        }
-    }
-}
-
 /// Whether a face is no triangle at all.
 pub(crate) fn has_repeated_vertex(&[a, b, c]: &[Vert; 3]) -> bool {
     a == b || b == c || c == a
-}
-
-/// The half-edges that leave each vertex.
-#[derive(Clone, Debug, Default)]
-pub struct Fans {
-    starts: Vec<u32>,
-    halves: Vec<Half>,
-}
-
-impl Fans {
-    /// Each thread counts and places what leaves its part of the vertices.
-    fn new(n_verts: usize, faces: &[[Vert; 3]]) -> Self {
-        let part = n_verts.div_ceil(rayon::current_num_threads()).max(CHUNK);
-        let mut starts = vec![0u32; n_verts + 1];
-        starts[1..].par_chunks_mut(part).enumerate().for_each(|(i, counts)| {
-            for v in faces.iter().flatten() {
-                if let Some(count) = counts.get_mut(v.index().wrapping_sub(i * part)) {
-                    *count += 1;
-                }
-            }
-        });
-        for v in 0..n_verts {
-            starts[v + 1] += starts[v];
-        }
-        let mut halves = vec![Half::NONE; 3 * faces.len()];
-        let mut rest = halves.as_mut_slice();
-        let mut parts = Vec::new();
-        for first in (0..n_verts).step_by(part) {
-            let bounds = &starts[first..=n_verts.min(first + part)];
-            let own;
-            (own, rest) = rest.split_at_mut((bounds[bounds.len() - 1] - bounds[0]) as usize);
-            parts.push((first, bounds, own));
-        }
-        parts.into_par_iter().for_each(|(first, bounds, own)| {
-            let mut next: Vec<u32> =
-                bounds[..bounds.len() - 1].iter().map(|start| start - bounds[0]).collect();
-            for (h, v) in faces.iter().flatten().enumerate() {
-                if let Some(slot) = next.get_mut(v.index().wrapping_sub(first)) {
-                    own[*slot as usize] = Half(h as u32);
-                    *slot += 1;
-                }
-            }
-        });
-        Self { starts, halves }
-    }
-
-    /// The half-edges that leave `v`, ascending.
-    #[inline]
-    #[must_use]
-    pub fn leaving(&self, v: Vert) -> &[Half] {
-        &self.halves[self.starts[v.index()] as usize..self.starts[v.index() + 1] as usize]
-    }
-
-    fn check(&self, mesh: &Mesh) -> Result<(), String> {
-        if self.starts.len() != mesh.n_verts() + 1 || self.halves.len() != mesh.n_halves() {
-            return Err("the fans are those of another mesh".to_owned());
-        }
-        for v in mesh.verts() {
-            let leaving = self.leaving(v);
-            if !leaving.is_sorted_by(|a, b| a < b) {
-                return Err(format!("the fan of {v:?} is not ascending"));
-            }
-            if let Some(h) = leaving.iter().find(|&&h| mesh.from(h) != v) {
-                return Err(format!("{h:?} does not leave {v:?}"));
-            }
-        }
-        Ok(())
-    }
 }
 
 #[cfg(test)]
