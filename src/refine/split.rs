@@ -1,10 +1,9 @@
 //! Splits single faces: the five shapes that [`refine`](super) draws.
 //!
 //! In/out: a face of a `Mesh` + `Inserts` -> its children; all split faces -> `Split`.
-//! Cost: O(split faces), parallel.
+//! Cost: O(split faces).
 
 use glam::DVec3;
-use rayon::prelude::*;
 
 use super::{Inserts, Place};
 use crate::mesh::{Face, Mesh, MeshError, Vert, check_size};
@@ -93,9 +92,6 @@ pub(super) fn creases_of(children: &Children) -> impl Iterator<Item = [Vert; 2]>
     across.into_iter().chain(spokes)
 }
 
-/// So many faces are split at a time.
-const CHUNK: usize = 1 << 10;
-
 /// The split faces of a mesh and what becomes of them, without the rest of it.
 pub(crate) struct Split {
     /// The split faces, ascending ...
@@ -126,25 +122,12 @@ pub(crate) fn split(mesh: &Mesh, inserts: &Inserts) -> Result<Split, MeshError> 
     let old_point = |v: Vert| inserts.old_point(mesh, v);
     let middles = middles(mesh, inserts, old_point, &faces);
     let middle = |v: Vert| v.index().checked_sub(mesh.n_verts()).map_or_else(|| old_point(v), |i| middles[i]);
-    let split_those = |faces: &[Face]| {
-        let (mut lengths, mut children, mut creases) =
-            (Vec::with_capacity(faces.len()), Vec::new(), Vec::new());
-        for &f in faces {
-            let own = split_face(mesh, inserts, f, middle);
-            creases.extend(creases_of(&own));
-            children.extend_from_slice(&own);
-            lengths.push(own.len() as u32);
-        }
-        (lengths, children, creases)
-    };
-    let pieces: Vec<_> = faces.par_chunks(CHUNK).map(split_those).collect();
     let (mut starts, mut children, mut creases) = (vec![0], Vec::new(), Vec::new());
-    for (lengths, own_children, own_creases) in pieces {
-        for n in lengths {
-            starts.push(starts[starts.len() - 1] + n);
-        }
-        children.extend(own_children);
-        creases.extend(own_creases);
+    for &f in &faces {
+        let own = split_face(mesh, inserts, f, middle);
+        creases.extend(creases_of(&own));
+        children.extend_from_slice(&own);
+        starts.push(children.len() as u32);
     }
     let n_faces = mesh.n_faces() - faces.len() + children.len();
     check_size(mesh.n_verts() + inserts.points.len(), n_faces)?;
