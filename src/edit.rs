@@ -148,13 +148,10 @@ impl<'m> Edit<'m> {
     /// The neighbours of `v`, ascending.
     pub(crate) fn link(&self, v: Vert) -> Vec<Vert> {
         let faces = self.faces_at(v);
-        let mut link = Vec::with_capacity(2 * faces.len());
-        for w in faces.iter().flat_map(|&f| self.faces[f]) {
-            if w != v && !link.contains(&w) {
-                link.push(w);
-            }
-        }
+        let mut link = Vec::with_capacity(3 * faces.len());
+        link.extend(faces.iter().flat_map(|&f| self.faces[f]).filter(|&w| w != v));
         link.sort_unstable();
+        link.dedup();
         link
     }
 

@@ -119,7 +119,7 @@ impl Mesh {
     /// The twins, made on first use from the fans: O(F log k), k the largest number of edges at one vertex.
     #[inline]
     fn twins(&self) -> &Twins {
-        self.twins.get_or_init(|| pair_twins(self.faces(), self.fans()))
+        made_once(&self.twins, || pair_twins(self.faces(), self.fans()))
     }
 
     /// Number of vertices, used or not.
@@ -286,7 +286,7 @@ impl Mesh {
     /// The fans of all vertices, made on first use. O(F).
     #[must_use]
     pub fn fans(&self) -> &Fans {
-        self.fans.get_or_init(|| Fans::new(self.n_verts(), self.faces()))
+        made_once(&self.fans, || Fans::new(self.n_verts(), self.faces()))
     }
 
     /// The half-edges that leave `v`, one per face at `v`, ascending. This is *all* faces at `v`, also
@@ -361,6 +361,21 @@ impl Mesh {
             return Err("the twins are those of another mesh".to_owned());
         }
         self.fans().check(self)
+    }
+}
+
+/// What `cell` holds, made on first use. Threads that ask at the same time make it each and keep the first:
+/// [`OnceLock::get_or_init`] would have the others wait, and a thread of a pool that waits while `make` needs the
+/// pool may wait for ever.
+#[inline]
+fn made_once<T>(cell: &OnceLock<T>, make: impl FnOnce() -> T) -> &T {
+    #[cold]
+    fn fill<T>(cell: &OnceLock<T>, made: T) -> &T {
+        cell.get_or_init(|| made)
+    }
+    match cell.get() {
+        Some(held) => held,
+        None => fill(cell, make()),
     }
 }
 

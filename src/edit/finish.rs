@@ -96,20 +96,24 @@ impl Edit<'_> {
         piece
     }
 
-    /// New indices `[V]`, the old vertices that are gone, and the points in their new order.
+    /// New indices `[V]`, the old vertices that are gone and whose slots inserted ones took, and the points in their
+    /// new order. Where more old vertices are gone than inserted ones stand, the others stay as they were, without a
+    /// face: no index shifts.
     fn compact_verts(&self) -> (PerVert<Vert>, Vec<Vert>, Vec<DVec3>) {
         let n_verts = self.refined.mesh.n_verts();
         let stands = |v: &Vert| self.vert_stands(*v);
         let gone_old: Vec<Vert> = (0..self.n_old).map(Vert::new).filter(|v| !stands(v)).collect();
         let mut inserted: Vec<Vert> = (self.n_old..n_verts).map(Vert::new).filter(stands).collect();
         let movers = inserted.split_off(inserted.len().saturating_sub(gone_old.len()));
+        let mut replaced = gone_old;
+        replaced.truncate(movers.len());
 
         let mut now = PerVert::filled(n_verts, Vert::NONE);
         let mut points = self.points.as_slice()[..self.n_old].to_vec();
         for v in (0..self.n_old).map(Vert::new).filter(stands) {
             now[v] = v;
         }
-        for (&slot, &v) in gone_old.iter().zip(&movers) {
+        for (&slot, &v) in replaced.iter().zip(&movers) {
             now[v] = slot;
             points[slot.index()] = self.point(v);
         }
@@ -118,13 +122,19 @@ impl Edit<'_> {
             points.push(self.point(v));
         }
         for v in (0..n_verts).map(Vert::new).filter(|v| !stands(v)) {
+            // The others on the way there have the same answer; chains are long where one edge after the other goes.
             let mut kept = v;
-            while self.into[kept].is_some() {
+            while !now[kept].is_some() {
                 kept = self.into[kept];
             }
-            now[v] = now[kept];
+            let last = now[kept];
+            let mut next = v;
+            while !now[next].is_some() {
+                now[next] = last;
+                next = self.into[next];
+            }
         }
-        (now, gone_old, points)
+        (now, replaced, points)
     }
 }
 

@@ -127,7 +127,7 @@ pub(crate) fn split(mesh: &Mesh, inserts: &Inserts) -> Result<Split, MeshError> 
         let own = split_face(mesh, inserts, f, middle);
         creases.extend(creases_of(&own));
         children.extend_from_slice(&own);
-        starts.push(children.len() as u32);
+        starts.push(children.len() as u32); // Wraps only if there are too many.
     }
     let n_faces = mesh.n_faces() - faces.len() + children.len();
     check_size(mesh.n_verts() + inserts.points.len(), n_faces)?;

@@ -158,11 +158,11 @@ impl<'s, 'a> Patch<'s, 'a> {
                 if near.points[j as usize].distance(centre) <= REACH * h && !members.contains(&j) {
                     members.push(j);
                 }
+                if members.len() > MAX_SAMPLES {
+                    return None;
+                }
             }
             next += 1;
-            if members.len() > MAX_SAMPLES {
-                return None;
-            }
         }
         let verts: Vec<Vert> = members.iter().map(|&j| near.verts[j as usize]).collect();
         let is_at_border =
@@ -242,7 +242,7 @@ impl<'s, 'a> Patch<'s, 'a> {
         let other = cone.fit(&inner)?.cone;
         let rms = cone.rms(&outer);
         let most = MAX_OFF.max(MAX_OFF_IN_RMS * rms);
-        let is_on = |&p: &DVec3| cone.distance(p).abs() <= most && (p - cone.apex).dot(cone.down) > 0.0;
+        let is_on = |&p: &DVec3| cone.distance(p).abs() <= most && (p - cone.apex).dot(cone.down) > -most;
         let is_cone = cone.rms(&all) <= MAX_RMS
             && rms * spread <= MAX_ERROR
             && other.apex.distance(cone.apex) <= MAX_APART

@@ -23,6 +23,8 @@ pub(super) const EXPLAINED: f64 = 0.35;
 const LEFTOVER_RINGS: usize = 3;
 /// ... which takes this many of them ...
 const LEFTOVER_MEMBERS: usize = 4;
+/// ... and no more than this many: three rings of evenly spaced vertices have 37 ...
+const LEFTOVER_MAX: usize = 128;
 /// ... and has to be this good: residual and displacement in h. At a residual of 0.03 coarse meshes lose
 /// a tenth of their gain, at 0.1 finely sampled ones a quarter.
 pub(super) const LEFTOVER_RMS: f64 = 0.05;
@@ -79,7 +81,7 @@ pub(super) fn explain_by_leftovers(surface: &Surface, fits: &mut VertexFits, max
     explain_the_rest(surface, fits, |(members, samples, fitter): &mut Scratch, fits, centre| {
         let is_left = |v: Vert| !surface.interior[v] && fits.get(v).is_none();
         let is_left_near = |i: u32| is_left(near.verts[i as usize]);
-        near.collect_rings(near.of[centre], LEFTOVER_RINGS, usize::MAX, is_left_near, members);
+        near.collect_rings(near.of[centre], LEFTOVER_RINGS, LEFTOVER_MAX, is_left_near, members);
         let is_left_face = |f| surface.mesh.corners(f).into_iter().all(is_left);
         let sample = |&i: &u32| {
             let v = near.verts[i as usize];

@@ -77,7 +77,10 @@ impl Near {
             ring_start = found.len();
             for i in ring {
                 for &w in self.neighbours(found[i]) {
-                    if found.len() < max && belongs(w) && !found.contains(&w) {
+                    if found.len() >= max {
+                        return;
+                    }
+                    if belongs(w) && !found.contains(&w) {
                         found.push(w);
                     }
                 }

@@ -99,7 +99,7 @@ impl Patch {
         }
         self.doubtful.push(centre);
         let mut next = 0;
-        loop {
+        while !self.is_full() {
             if let Some(&v) = self.doubtful.get(next) {
                 next += 1;
                 for &w in surface.near.neighbours(v) {
@@ -149,7 +149,7 @@ impl Patch {
         let mut next = first;
         let (mut nearest, mut nearest_squared) = (verts[seed as usize], offset.length_squared());
         self.members.push(Member { near: seed, offset });
-        while let Some(&Member { near, .. }) = self.members.get(next) {
+        'flood: while let Some(&Member { near, .. }) = self.members.get(next) {
             for &i in surface.near.neighbours(near) {
                 if self.known.contains(i) {
                     continue;
@@ -162,7 +162,7 @@ impl Patch {
                     continue;
                 }
                 if self.is_full() {
-                    continue;
+                    break 'flood;
                 }
                 if is_member && !regions.are_joined(near, i) {
                     self.seeds.push(i);

@@ -10,6 +10,8 @@ use crate::mesh::{Face, Vert};
 
 /// A face may cut others this many rings away: in thin wedges the opposite sheet.
 const RINGS: usize = 3;
+/// No more faces than this are looked at of one vertex: there are some six.
+const MAX_FAN: usize = 64;
 /// Shares of the way back to the middle that are tried.
 const SHARES: [f64; 4] = [0.25, 0.5, 0.75, 1.0];
 
@@ -67,9 +69,14 @@ impl Zone<'_, '_, '_> {
     /// The faces within reach that `f` cuts, ascending.
     fn faces_cut_by(&self, f: Face) -> Vec<Face> {
         let mut near = vec![f];
+        let mut verts: Vec<Vert> = Vec::new();
         for _ in 0..RINGS {
-            let verts: Vec<Vert> = near.iter().flat_map(|&f| self.edit.corners(f)).collect();
-            near.extend(verts.into_iter().flat_map(|v| self.edit.faces_at(v).iter().copied()));
+            let known = verts.clone();
+            verts.extend(near.iter().flat_map(|&f| self.edit.corners(f)));
+            verts.sort_unstable();
+            verts.dedup();
+            let new = verts.iter().filter(|v| known.binary_search(v).is_err());
+            near.extend(new.flat_map(|&v| self.edit.faces_at(v).iter().take(MAX_FAN)));
             near.sort_unstable();
             near.dedup();
         }

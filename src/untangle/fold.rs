@@ -73,8 +73,9 @@ impl Zone<'_, '_, '_> {
             let (to, from, area) = (t[(i + 1) % 3], t[(i + 2) % 3], (q - p).cross(r - p));
             spokes.push(Spoke { face: f, to, from, area });
         }
+        spokes.sort_unstable_by_key(|spoke| (spoke.from, spoke.face));
         for f in spokes.iter().filter(|f| a < f.to && self.in_zone(f.face)) {
-            let across = spokes.iter().find(|g| g.from == f.to);
+            let across = spokes.get(spokes.partition_point(|g| g.from < f.to)).filter(|g| g.from == f.to);
             let Some(g) = across.filter(|g| f.area.dot(g.area) <= 0.0 && self.in_zone(g.face)) else {
                 continue;
             };

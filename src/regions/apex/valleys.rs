@@ -28,8 +28,11 @@ const MAX_FLIPS: usize = 16;
 
 impl Apex {
     /// Flips the valleys round `tip`, which is the apex in `edit`, the deepest first; says how many. `h` is the mean edge
-    /// length.
+    /// length. Where no vertex moves, all is well as it is.
     pub(crate) fn flip_valleys(&self, tip: Vert, h: f64, edit: &mut Edit<'_>) -> usize {
+        if self.moved.is_empty() {
+            return 0;
+        }
         for n_flips in 0..MAX_FLIPS {
             let faces = edit.faces_at(tip).to_vec();
             let valleys = faces.iter().filter_map(|&f| self.valley(tip, f, h, edit));
@@ -101,7 +104,7 @@ mod tests {
             rms: 0.0,
             cone: Cone { apex: DVec3::ZERO, down, angle: std::f64::consts::FRAC_PI_4 },
             is_convex,
-            moved: Vec::new(),
+            moved: vec![(Vert::new(0), DVec3::ZERO)],
             edges: Vec::new(),
         };
         let n_flips = apex.flip_valleys(Vert::new(0), 1.0, &mut edit);
