@@ -248,8 +248,10 @@ def self_intersecting_faces(vertices, faces):
     """Count the faces that cut another face of the mesh.
 
     MeshLab finds them; what it takes for a cut between faces of one plane that
-    lie apart in it does not count.
+    lie apart in it does not count. Faces that name a vertex twice have nothing
+    to cut with.
     """
+    faces = faces[(faces != np.roll(faces, 1, axis=1)).all(axis=1)]
     mesh_set = pymeshlab.MeshSet()
     mesh_set.add_mesh(pymeshlab.Mesh(vertices, faces.astype(np.int32)))
     mesh_set.compute_selection_by_self_intersections_per_face()

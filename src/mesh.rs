@@ -496,6 +496,25 @@ pub(crate) mod tests {
     }
 
     #[test]
+    fn threads_that_ask_for_twins_at_the_same_time_do_not_wait_for_each_other() {
+        let strip: Vec<[usize; 3]> = (0..40_000).map(|i| [i, i + 1 + i % 2, i + 2 - i % 2]).collect();
+        let (done, all_done) = std::sync::mpsc::channel();
+        // A thread of its own: where they wait for each other, the pool never comes back.
+        std::thread::spawn(move || {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(8).build().unwrap();
+            for _ in 0..40 {
+                let m = mesh(&vec![[0.0; 3]; 40_002], &strip);
+                let n_borders = || (0..64).into_par_iter().map(|_| m.n_borders()).collect::<Vec<_>>();
+                done.send(pool.install(n_borders)).unwrap();
+            }
+        });
+        for _ in 0..40 {
+            let n_borders = all_done.recv_timeout(std::time::Duration::from_secs(60)).expect("they wait");
+            assert_eq!(n_borders, [40_002; 64]);
+        }
+    }
+
+    #[test]
     fn a_face_out_of_range_is_refused() {
         let error = Mesh::new(vec![dvec3(0., 0., 0.)], vec![[Vert::new(0), Vert::new(0), Vert::new(7)]]);
         assert_eq!(error.map(|_| ()), Err(MeshError::NoSuchVertex { face: 0, vertex: 7, vertices: 1 }));

@@ -212,6 +212,48 @@ mod tests {
     }
 
     #[test]
+    fn vertices_that_were_tagged_before_stay_so() {
+        let v = Vert::new;
+        assert_eq!(Tags::new([], [v(9)]).with_tagged([v(1)]).tagged(), [v(1), v(9)]);
+    }
+
+    #[test]
+    fn edges_between_two_tagged_vertices_are_the_papers_sharp_ones() {
+        let m = mesh(&[[0.; 3], [1., 0., 0.], [1., 1., 0.], [0., 1., 0.]], &[[0, 1, 2], [0, 2, 3]]);
+        let tags = Tags::between_tagged(&m, [3, 0, 2].map(Vert::new));
+        assert_eq!(tags.sharp_edges(), [[0, 2], [0, 3], [2, 3]].map(|e| e.map(Vert::new)));
+        assert_eq!(tags.tagged(), [0, 2, 3].map(Vert::new));
+        assert!(
+            Tags::between_tagged(&m, [1, 3].map(Vert::new)).sharp_edges().is_empty(),
+            "no edge joins them"
+        );
+    }
+
+    //   3---2---5     a sheet that is bent along 0-2 and 1-2; face 4-1-6, with 6 between 1 and 4, has no area
+    //   | / | \ |
+    //   0---1---4
+    #[test]
+    fn candidates_are_sharp_where_the_mesh_bends_by_15_degrees() {
+        let v = Vert::new;
+        let sharp = |degrees: f64, candidates: &[[usize; 2]]| {
+            let (sine, cosine) = degrees.to_radians().sin_cos();
+            let points = [[0.; 3], [1., 0., 0.], [1., 1., 0.], [0., 1., 0.], [1. + cosine, 0., sine]];
+            let points =
+                [&points[..], &[[1. + cosine, 1., sine], [1. + cosine / 2., 0., sine / 2.]]].concat();
+            let m = mesh(&points, &[[0, 1, 2], [2, 3, 0], [1, 4, 2], [4, 5, 2], [4, 1, 6]]);
+            let tags = Tags::where_bent(&m, candidates.iter().map(|edge| edge.map(v)));
+            assert!(tags.tagged().len() >= tags.sharp_edges().len());
+            tags.sharp_edges().iter().map(|edge| edge.map(Vert::index)).collect::<Vec<_>>()
+        };
+        // In any order of the two; 0-2 lies in the plane, and no edge joins 0 and 5.
+        assert_eq!(sharp(16.0, &[[2, 1], [0, 2], [5, 0]]), [[1, 2]]);
+        assert_eq!(sharp(-16.0, &[[1, 2]]), [[1, 2]]);
+        assert_eq!(sharp(14.0, &[[2, 1], [0, 2], [5, 0]]), [[0; 2]; 0]);
+        // Borders have no angle, nor has an edge of a face without area.
+        assert_eq!(sharp(0.0, &[[0, 3], [4, 1], [2, 1]]), [[0, 3], [1, 4]]);
+    }
+
+    #[test]
     fn the_dihedral_angle_decides_what_is_sharp() {
         // A roof over 0-1 whose halves meet at a right angle, a flat continuation at 1-2, a border.
         let points = [[0., 0., 1.], [0., 3., 1.], [1., 0., 0.], [-1., 0., 0.], [1., 3., 0.], [5., 5., 5.]];

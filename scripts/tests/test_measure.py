@@ -154,6 +154,14 @@ def test_faces_with_a_common_vertex_cut_each_other_where_the_opposite_side_does(
     assert self_intersecting_faces(vertices, np.array([[0, 1, 2], [0, 4, 5]])) == 0
 
 
+def test_a_face_that_names_a_vertex_twice_cuts_nothing():
+    vertices = np.array(
+        [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0.3, 0.3, -1], [0.3, 0.3, 1], [0.4, 0.4, 1], [0.4, 0.2, 1.0]]
+    )
+    faces = np.array([[3, 3, 4], [3, 5, 6], [0, 1, 2]])
+    assert self_intersecting_faces(vertices, faces) == 2
+
+
 def test_bow_ties_and_fins_are_not_manifold(save, cube):
     vertices, faces = cube
     fin = np.concatenate([vertices, [(2.0, 2.0, 0.5)]]), np.concatenate([faces, [[6, 7, 8]]])

@@ -14,6 +14,9 @@
 //! In/out: old points and shifts `[V + N]` -> points `[V + N]`.
 //! Cost: O(F) for the first round, then only faces beside vertices that moved; about six rounds.
 
+#[cfg(test)]
+mod tests;
+
 use glam::DVec3;
 use rayon::prelude::*;
 
@@ -293,45 +296,4 @@ pub(super) fn is_within(cosine: f64, a: DVec3, b: DVec3) -> bool {
 /// The cosine of the angle between two vectors; 0 where one has no direction.
 fn cosine(a: DVec3, b: DVec3) -> f64 {
     a.normalize_or_zero().dot(b.normalize_or_zero())
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::tags::Tags;
-    use glam::dvec3;
-
-    #[test]
-    fn faces_that_are_passed_over_have_nothing_to_object_to() {
-        // A sheet rough and uneven enough for both kinds, with vertices on their way by all lengths.
-        let noise =
-            |i: usize, j: usize| ((12.9898 * i as f64 + 78.233 * j as f64).sin() * 43758.5453).fract();
-        let n = 24;
-        let point = |k: usize| {
-            let (i, j) = (k / n, k % n);
-            let roughness = 0.6 * (i as f64 / n as f64);
-            [i as f64 + 0.4 * noise(i, j), j as f64 + 0.4 * noise(j, i + 7), roughness * noise(i + 3, j)]
-        };
-        let faces = (0..n * (n - 1)).filter(|k| k % n != n - 1);
-        let faces = faces.flat_map(|k| [[k, k + n, k + n + 1], [k, k + n + 1, k + 1]]).collect::<Vec<_>>();
-        let mesh = crate::mesh::tests::mesh(&(0..n * n).map(point).collect::<Vec<_>>(), &faces);
-        let middles = Middles::of(&mesh).unwrap();
-        let stencils = Stencils::new(&mesh, &Tags::default());
-        let (mut n_passed_over, mut n_objecting) = (0, 0);
-        for farthest in [0.003, 0.03, 0.1, 0.3] {
-            let shift = |k: usize| farthest * noise(k, 1) * dvec3(noise(k, 2), noise(k, 3), noise(k, 4));
-            let shifts = (0..middles.edges.len()).map(shift);
-            let points = mesh.points().iter().copied().chain(shifts).collect();
-            let draft = Draft::new(&mesh, &stencils, &middles, points);
-            let motions: PerFace<Motion> =
-                mesh.face_ids().map(|f| draft.motion(f)).collect::<Vec<_>>().into();
-            for f in mesh.face_ids() {
-                let (looks, objects) = (draft.may_object(f, &motions), draft.objections(f).next().is_some());
-                assert!(looks || !objects, "{f:?} at {farthest}");
-                n_passed_over += usize::from(!looks);
-                n_objecting += usize::from(objects);
-            }
-        }
-        assert!(n_passed_over > 300 && n_objecting > 300, "{n_passed_over} {n_objecting}");
-    }
 }

@@ -112,6 +112,11 @@ mod tests {
         assert!((step / (largest * f64::from(f32::EPSILON)) - 1.0).abs() < 1e-6, "{step}");
         // Whole numbers were not rounded to whole ones: the finer step is meant.
         assert!(rounded(f64::round) < 1e-6);
+        // The largest may be negative, and one that is not single is enough wherever it is.
+        assert_eq!(rounded(|x| f64::from(-x as f32)), step);
+        let mut mixed: Vec<DVec3> = points().iter().map(|p| p.as_vec3().as_dvec3()).collect();
+        mixed[0].x = 0.1;
+        assert_eq!(precision(&mixed), 0.0);
     }
 
     #[test]

@@ -204,4 +204,19 @@ mod tests {
         assert_eq!(faces[4..], [[2, 5, 8], [1, 7, 5], [3, 8, 7], [5, 7, 8]]);
         assert_eq!(split.point(Vert::new(7)), DVec3::splat(3.0));
     }
+
+    #[test]
+    fn a_mesh_of_several_chunks_is_split_as_well() {
+        let n = 60;
+        let points: Vec<[f64; 3]> = (0..n * n).map(|k| [(k / n) as f64, (k % n) as f64, 0.0]).collect();
+        let squares = (0..n * (n - 1)).filter(|k| k % n != n - 1);
+        let faces: Vec<_> = squares.flat_map(|k| [[k, k + n, k + n + 1], [k, k + n + 1, k + 1]]).collect();
+        let m = mesh(&points, &faces);
+        assert!(m.n_halves() > CHUNK);
+        let middles = Middles::of(&m).unwrap();
+        assert!(middles.edges.iter().copied().eq(m.edges()));
+        let slots = middles.edges.iter().map(|&h| middles.slot(h).unwrap());
+        assert!(slots.eq(0..middles.edges.len()));
+        assert!(m.halves().all(|h| middles.vertex(h) == middles.vertex(m.edge(h))));
+    }
 }

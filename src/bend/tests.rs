@@ -367,6 +367,131 @@ fn noise_is_doubted_and_a_sphere_is_not() {
     assert_eq!((counts.shortened, counts.retreated), (0, 0));
 }
 
+/// Where the stencil would have the new vertex of the edge at (`i`, 3) of `m`, a grid of eight rows, towards the next
+/// column, what its ends expect, and how far it goes; the first two from the middle, all in edges.
+fn vouched(m: &Mesh, tags: &Tags, i: usize) -> (DVec3, [DVec3; 2], Shift) {
+    let stencils = Stencils::new(m, tags);
+    let h = m.edge(m.half_between(Vert::new(8 * i + 3), Vert::new(8 * i + 11)).unwrap());
+    let (middle, length) = (m.point(m.from(h)).midpoint(m.point(m.to(h))), m.length(h));
+    let placed = stencils.place(h);
+    let mut shift = vouched_shift(&stencils, m, h, 0.0);
+    shift.vector /= length;
+    ((placed.point - middle) / length, placed.expected.map(|way| way / length), shift)
+}
+
+/// A grid of eight by eight whose columns are at these heights.
+fn profile(heights: [f64; 8]) -> Mesh {
+    grid(8, 8, false, |i, j| dvec3(i, j, heights[i as usize]))
+}
+
+#[test]
+fn what_both_ends_expect_is_believed_in_full_up_to_a_turn_of_100_degrees() {
+    let none = Tags::default();
+    // Parabolas with their tops on the middle of the edge: both ends expect the same.
+    let parabola = |a: f64| profile(std::array::from_fn(|i| -a * (i as f64 - 3.5).powi(2)));
+    let (wanted, [a, b], shift) = vouched(&parabola(0.3), &none, 3);
+    assert!(a.distance(b) < 1e-12 && a.length() < MAX_EXPECTED);
+    assert!((shift.vector - wanted).length() < 1e-9 && !shift.is_doubted && !shift.is_shortened);
+    assert_relative_eq!(wanted.z, 0.25 * 0.3, epsilon = 1e-12);
+    // Of a steeper one so much less that the steepest stay in the middle.
+    let steps = [(-0.15, -2.1), (-0.1, -1.4), (-0.05, -0.7), (0., 0.)];
+    let columns: Vec<_> =
+        steps.into_iter().chain(steps.into_iter().rev().map(|(x, z)| (1.0 - x, z))).collect();
+    let steep = grid(8, 8, false, |i, j| dvec3(columns[i as usize].0, j, columns[i as usize].1));
+    let (wanted, [a, b], shift) = vouched(&steep, &none, 3);
+    assert!(a.distance(b) < 1e-12 && a.length() > 1.05 * MAX_EXPECTED);
+    let trust = (MAX_EXPECTED / a.length()).powi(2);
+    assert!((shift.vector - trust * wanted).length() < 1e-9 && !shift.is_shortened);
+    assert_eq!(shift.is_doubted, trust < 0.5);
+    let (wanted, _, shift) = vouched(&parabola(0.7), &none, 3);
+    assert!(wanted.z > MAX_SHIFT && shift.is_shortened);
+    assert_relative_eq!(shift.vector.z, MAX_SHIFT, epsilon = 1e-12);
+}
+
+#[test]
+fn where_one_end_expects_nothing_trust_is_a_half_and_beside_a_curve_a_quarter() {
+    // A plane that begins to bend: the edge from column 2 to 3 has its far end on the bend.
+    let m = profile([0.0, 0.0, 0.0, 0.0, 0.05, 0.2, 0.4, 0.6]);
+    let (wanted, [a, b], shift) = vouched(&m, &Tags::default(), 2);
+    assert!(a.length().min(b.length()) < 1e-12 && a.length().max(b.length()) > 1e-3);
+    // It wants to go down by a sixteenth of what the next column rises, and may.
+    assert_relative_eq!(wanted.z, -0.05 / 16.0, epsilon = 1e-12);
+    assert!((shift.vector - 0.5 * wanted).length() < 1e-6, "{} {wanted}", shift.vector);
+    // Cut along column 2, the same edge has an end on a curve.
+    let along = (0..7).map(|j| [16 + j, 17 + j].map(Vert::new));
+    let (wanted, [a, b], shift) = vouched(&m, &Tags::new(along, []), 2);
+    assert!(a.length().min(b.length()) < 1e-12 && wanted.length() > 1e-3);
+    assert!((shift.vector - 0.25 * wanted).length() < 1e-6, "{} {wanted}", shift.vector);
+}
+
+#[test]
+fn a_new_vertex_goes_no_farther_than_twice_what_the_bolder_end_expects() {
+    // The stencil takes a sixteenth of the rise of either far neighbour, as if it were as near as the others. The
+    // normals know better.
+    let columns = [(-30., 1.), (-20., 1.), (-10., 1.), (0., 0.), (1., 0.), (11., 1.), (21., 1.), (31., 1.)];
+    let m = grid(8, 8, false, |i, j| dvec3(columns[i as usize].0, j, columns[i as usize].1));
+    let (wanted, [a, b], shift) = vouched(&m, &Tags::default(), 3);
+    assert_relative_eq!(wanted.z, -0.125, epsilon = 1e-12);
+    assert!(a.distance(b) < 1e-12 && a.z < 0.0 && wanted.z < 5.0 * a.z, "{a} {b}");
+    assert_relative_eq!(shift.vector.z, 2.0 * a.z, epsilon = 1e-5);
+}
+
+#[test]
+fn what_was_done_is_counted_in_all_chunks() {
+    // Terraces two columns wide, rough in one half.
+    let noise = |i: f64, j: f64| ((12.9898 * i + 78.233 * j).sin() * 43758.5453).fract();
+    let height =
+        |i: f64, j: f64| if i % 4.0 < 2.0 { 0.0 } else { 1.4 } + if i < 30.0 { noise(i, j) } else { 0.0 };
+    let m = grid(60, 40, false, |i, j| dvec3(i, j, height(i, j)));
+    let counts = bent(&m, &Tags::default(), &LIMITED).counts;
+    let stencils = Stencils::new(&m, &Tags::default());
+    let shifts: Vec<Shift> = m.edges().map(|h| vouched_shift(&stencils, &m, h, 0.0)).collect();
+    let n = |has: fn(&Shift) -> bool| shifts.iter().filter(|shift| has(shift)).count();
+    // Doubt is where the ends agree by less than half.
+    let is_doubted = |h: Half| {
+        let [a, b] = stencils.place(h).expected;
+        (a + b).length_squared() < a.length_squared() + b.length_squared()
+    };
+    for (h, shift) in m.edges().zip(&shifts).filter(|(h, _)| !m.is_border(*h)) {
+        let steepest = stencils.place(h).expected.map(DVec3::length).into_iter().fold(0.0, f64::max);
+        assert!(steepest > MAX_EXPECTED * m.length(h) || shift.is_doubted == is_doubted(h), "{h:?}");
+    }
+    assert!(shifts.len() > CHUNK && counts.shortened > 100 && counts.doubted > 100, "{counts:?}");
+    assert_eq!(
+        (counts.doubted, counts.shortened),
+        (n(|shift| shift.is_doubted), n(|shift| shift.is_shortened))
+    );
+}
+
+#[test]
+fn no_new_vertex_is_mended_onto_an_old_one() {
+    let heights = |i: f64, j: f64| match (i as usize, j as usize) {
+        (0, 4) => 0.042_792_184_220_549_08,
+        (0, 5) => 0.672_858_510_077_119_5,
+        (1, 4) => 0.881_515_330_831_915_9,
+        (1, 5) => -0.688_953_000_487_883_8,
+        _ => 0.0,
+    };
+    let m = grid(8, 6, false, |i, j| dvec3(i, j, heights(i, j)));
+    let sharp = [15, 17].map(|e| m.edges().nth(e).unwrap());
+    let tags = Tags::new(sharp.map(|h| [m.from(h), m.to(h)]), []);
+    let fine = bent(&m, &tags, &LIMITED).mesh;
+    for f in fine.face_ids() {
+        let [a, b, c] = fine.triangle(f);
+        let longest = a.distance_squared(b).max(b.distance_squared(c)).max(c.distance_squared(a));
+        assert!((b - a).cross(c - a).length() > 1e-3 * longest, "{f:?}");
+    }
+}
+
+#[test]
+fn tagged_vertices_stay_tagged_without_a_sharp_edge() {
+    let m = cylinder(8, 4);
+    let tags = Tags::new([[0, 1].map(Vert::new)], []).with_tagged([Vert::new(9)]);
+    let tags = bent(&m, &tags, &LIMITED).tags;
+    assert_eq!((tags.sharp_edges().len(), tags.tagged().len()), (2, 4));
+    assert!(tags.tagged().contains(&Vert::new(9)));
+}
+
 #[test]
 fn no_new_vertex_goes_farther_than_the_limit() {
     let m = grid(9, 9, false, |i, j| dvec3(i, j, 3.0 * ((i * j) % 2.0)));

@@ -12,6 +12,7 @@
 //! In/out: `Surface` + fits + chamfers -> better fits at the ends of the chamfers.
 //! Cost: O(ends of chamfers), in parallel; the samples of two rings and some solutions of 3 by 3 for each.
 
+use glam::DVec3;
 use nalgebra::{SMatrix, SVector};
 
 use super::label::explain_those;
@@ -86,8 +87,13 @@ fn miss(surface: &Surface, fits: &VertexFits, v: Vert, fit: &Fit, i: u32) -> Opt
     is_sample.then(|| Missed {
         row: SVector::from([1.0, offset.dot(t1), offset.dot(t2)]),
         by: distance / normal.dot(m),
-        weight: 1.0 / (SOFTENING + offset.length_squared()),
+        weight: weight(offset),
     })
+}
+
+/// How much a sample counts that is this far from the end, in h.
+fn weight(offset: DVec3) -> f64 {
+    1.0 / (SOFTENING + offset.length_squared())
 }
 
 /// The plane, as height and slopes, that the samples which agree are above the fit by. `sizes` is working space.
@@ -140,12 +146,17 @@ mod tests {
     use crate::regions::near::Near;
     use crate::regions::patch::tests::strip;
     use crate::regions::tests::{labels, planes};
-    use glam::{DVec3, dvec3};
+    use glam::dvec3;
 
     // 1---3---5---7-    A strip along x, one h apart, lifted by `height`; the fits of all its vertices are the plane
-    // | / | / | / |     z = 0. What the fit of `v` is above `at` once it is anchored.
+    // | / | / | / |     z = 0, or what `change` makes of it. That of `v` once it is anchored, if it is an end.
     // 0---2---4---6-
-    fn above(height: impl Fn(usize, f64) -> f64, rms: f64, v: usize, at: DVec3) -> f64 {
+    fn anchored(
+        height: impl Fn(usize, f64) -> f64,
+        change: impl Fn(usize, &mut Fit),
+        v: usize,
+        is_end: bool,
+    ) -> Fit {
         let (mut points, faces) = strip(8).into_parts();
         points.iter_mut().enumerate().for_each(|(i, p)| p.z = height(i, p.x));
         let m = Mesh::new(points, faces).unwrap();
@@ -157,12 +168,21 @@ mod tests {
         surface.near = Near::around(&surface, &m.verts().collect::<Vec<_>>());
         let list = m.verts().map(|v| (v.index(), DVec3::Z, -m.point(v).z, FitSource::Region));
         let mut fits = planes(&m, &list.collect::<Vec<_>>());
-        fits.fits.iter_mut().flatten().for_each(|fit| fit.rms = rms);
-        anchor(&surface, &mut fits, &m.edges().collect::<Vec<_>>());
-        let fit = fits.get(Vert::new(v)).unwrap();
+        fits.fits.iter_mut().flatten().enumerate().for_each(|(i, fit)| {
+            fit.rms = 0.01;
+            change(i, fit);
+        });
+        let is_chamfer = |h: &Half| is_end || ![m.from(*h), m.to(*h)].contains(&Vert::new(v));
+        anchor(&surface, &mut fits, &m.edges().filter(is_chamfer).collect::<Vec<_>>());
+        let fit = fits.get(Vert::new(v)).unwrap().clone();
         let (distance, normal) = fit.evaluate(m.point(Vert::new(v)), 1.0);
-        assert_eq!((fit.displacement, fit.normal), (-distance, normal));
-        -fit.evaluate(at, 1.0).0
+        assert!((fit.displacement + distance).abs() < 1e-15 && fit.normal == normal);
+        fit
+    }
+
+    /// What the fit of `v` is above `at`.
+    fn above(height: impl Fn(usize, f64) -> f64, rms: f64, v: usize, at: DVec3) -> f64 {
+        -anchored(height, |_, fit| fit.rms = rms, v, true).evaluate(at, 1.0).0
     }
 
     #[test]
@@ -182,5 +202,76 @@ mod tests {
         let beside_outlier = above(|i, _| if i == 3 { 0.14 } else { 0.0 }, 0.01, 2, at);
         assert!(beside_outlier.abs() < 1e-4, "{beside_outlier}");
         assert_eq!(above(|_, _| 2.0 * FAR, 0.01, 2, at), 0.0, "another surface");
+    }
+
+    #[test]
+    fn only_the_ends_of_chamfers_that_have_a_region_are_moved() {
+        let lifted = |change: &dyn Fn(usize, &mut Fit), is_end| {
+            -anchored(|_, _| 0.06, change, 2, is_end).evaluate(dvec3(1.0, 0.0, 0.0), 1.0).0
+        };
+        assert!((lifted(&|_, _| (), true) - 0.06).abs() < 1e-9);
+        assert_eq!(lifted(&|_, _| (), false), 0.0);
+        assert_eq!(
+            lifted(
+                &|i, fit| if i == 2 {
+                    fit.source = FitSource::Leftover
+                },
+                true
+            ),
+            0.0
+        );
+    }
+
+    #[test]
+    fn samples_with_another_label_or_none_do_not_count() {
+        // All but vertex 2 itself are lifted.
+        let lifted = |change: &dyn Fn(&mut Fit)| {
+            let height = |i, _| if i == 2 { 0.0 } else { 0.06 };
+            let change = |i, fit: &mut Fit| {
+                if i != 2 {
+                    change(fit)
+                }
+            };
+            -anchored(height, change, 2, true).evaluate(dvec3(1.0, 0.0, 0.0), 1.0).0
+        };
+        let leaning = |degrees: f64| DVec3::new(0.0, degrees.to_radians().sin(), degrees.to_radians().cos());
+        assert!(lifted(&|_| ()) > 0.02);
+        assert_eq!(lifted(&|fit| fit.source = FitSource::Leftover), 0.0);
+        assert!(lifted(&|fit| fit.normal = leaning(19.0)) > 0.02);
+        assert_eq!(lifted(&|fit| fit.normal = leaning(21.0)), 0.0);
+    }
+
+    #[test]
+    fn near_samples_count_more_than_far_ones() {
+        let sample = |x: f64, y: f64, by: f64| Missed {
+            row: SVector::from([1.0, x, y]),
+            by,
+            weight: weight(dvec3(x, y, 0.0)),
+        };
+        // One at the end itself, eight around it two h away: 2 against 8 / 4.5.
+        let round = [(2., 0.), (-2., 0.), (0., 2.), (0., -2.)];
+        let far = round.iter().chain(&round).map(|&(x, y)| sample(x, y, 0.0));
+        let plane = solve(&far.chain([sample(0., 0., 0.09)]).collect::<Vec<_>>(), |_| 1.0).unwrap();
+        assert!((plane[0] - 0.09 * 2.0 / (2.0 + 8.0 / 4.5)).abs() < 1e-12, "{plane}");
+    }
+
+    #[test]
+    fn a_fit_that_slopes_and_begins_elsewhere_goes_onto_its_samples_as_well() {
+        // Samples 0.06 above the plane z = x / 2, along z; the fits begin two columns on.
+        let slope = |fit: &mut Fit| {
+            let [t1, t2, _] = fit.frame;
+            (fit.origin, fit.coefficients[1], fit.coefficients[2]) = (DVec3::ZERO, 0.5 * t1.x, 0.5 * t2.x);
+            fit.coefficients[0] = 0.0;
+            fit.normal = dvec3(-0.5, 0.0, 1.0).normalize();
+            fit.origin = dvec3(5.0, 0.0, 2.5);
+        };
+        for (tilt, allowed) in [(0.0, 1e-9), (0.02, 0.004)] {
+            let height = |_, x: f64| 0.5 * x + 0.06 + tilt * (x - 1.0);
+            let fit = anchored(height, |_, fit| slope(fit), 2, true);
+            for x in [0.0, 1.0, 2.0] {
+                let off = fit.evaluate(dvec3(x, 0.5, height(0, x)), 1.0).0;
+                assert!(off.abs() < allowed, "{off} at {x}");
+            }
+        }
     }
 }

@@ -378,6 +378,21 @@ mod tests {
     }
 
     #[test]
+    fn a_tip_that_is_there_is_found_and_nothing_changes() {
+        for lower in [0.0, 0.0005] {
+            let tip = |r: f64| if r == 0.0 { lower } else { 0.0 };
+            let m = graph(|x, y| {
+                let r = (x - (10.0 - 9.7)).hypot(y - (10.0 - 10.4));
+                3.0 - r - tip(r)
+            });
+            let sharpened = crate::sharpen(&m, &crate::Options::default()).unwrap();
+            assert_eq!((sharpened.report.found.apexes, sharpened.report.changed), (1, false));
+            assert_eq!((sharpened.mesh.points(), sharpened.mesh.faces()), (m.points(), m.faces()));
+            assert_eq!(sharpened.tags.tagged().len(), 1);
+        }
+    }
+
+    #[test]
     fn what_only_looks_like_a_cone_is_left_alone() {
         let none = |what: &str, height: &dyn Fn(f64, f64) -> f64| {
             let m = graph(height);

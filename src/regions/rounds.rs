@@ -283,4 +283,57 @@ mod tests {
         };
         assert_eq!(level(0.7), Fate::Kept);
     }
+
+    #[test]
+    fn long_strips_that_are_off_their_fits_are_asked() {
+        let says = |change: &dyn Fn(&mut Strip), noise: f64| {
+            let mut strip = judged(20, [-0.2, -0.3], [0.0, -0.8], 1.0, |_| ());
+            strip.fate = Fate::Round;
+            change(&mut strip);
+            has_a_say(&strip, noise)
+        };
+        assert!(says(&|_| (), 0.005));
+        assert!(!says(&|strip| strip.n_edges = LONG_STRIP - 1, 0.005));
+        assert!(!says(&|strip| strip.guessed = ROUND_GUESSED, 0.005));
+        assert!(!says(&|strip| strip.fate = Fate::PoorFits, 0.005));
+        let kept = |inward: f64| says(&|strip| (strip.fate, strip.inward) = (Fate::Kept, inward), 0.005);
+        assert_eq!([0.9, 1.1].map(|times| kept(times * ROUND_DISPLACEMENT)), [false, true]);
+        // Small holes have larger residuals, and so has noise.
+        let residual = |rms: f64, noise: f64| says(&|strip| strip.rms = rms, noise);
+        assert_eq!([0.009, 0.011, 0.024, 0.026].map(|rms| residual(rms, 0.005)), [true, true, true, false]);
+        assert_eq!([0.009, 0.011].map(|rms| residual(rms, 0.02)), [true, false]);
+    }
+
+    #[test]
+    fn samples_are_the_doubtful_ends_that_a_region_explains() {
+        let m = ribbon(1, |_| [[-0.2, -0.3], [0.0, -0.8]]);
+        let (normals, labels) = labels(&m);
+        let h = m
+            .half_between(Vert::new(0), Vert::new(1))
+            .or(m.half_between(Vert::new(1), Vert::new(0)))
+            .unwrap();
+        let samples = |is_interior: bool, sources: [FitSource; 2]| {
+            let mut surface = Surface::new(&m, &normals, &labels);
+            surface.h = 1.0;
+            surface.interior = crate::mesh::PerVert::filled(m.n_verts(), false);
+            surface.interior[Vert::new(0)] = is_interior;
+            let list = [(0, DVec3::Z, 0.3, sources[0]), (1, DVec3::Y, 0.0, sources[1])];
+            samples_at(&surface, &planes(&m, &list), h).map(|sample| sample.depth).collect::<Vec<_>>()
+        };
+        assert_eq!(samples(false, [Region, Region]).len(), 2);
+        assert_eq!(samples(true, [Region, Region]), [0.0]);
+        assert_eq!(samples(false, [Leftover, Region]), [0.0]);
+        assert_eq!(samples(false, [Region, Leftover]), [0.3]);
+    }
+
+    #[test]
+    fn samples_of_a_round_are_at_more_depths_than_two() {
+        // On one round of radius 0.7, three of five 20 degrees from where it ends, the others halfway.
+        let at = |t: f64, near: f64| {
+            let (sine, cosine) = if t < 0.6 { near } else { 45.0 }.to_radians().sin_cos();
+            [0.7 * H * (sine - 1.0), 0.7 * H * (cosine - 1.0)]
+        };
+        let kept = |strip: &mut Strip| (strip.inward, strip.fate) = (0.05, Fate::Kept);
+        assert_eq!(judged_along(|t| at(t, 20.0), |t| at(t, 70.0), kept).fate, Fate::Kept);
+    }
 }

@@ -536,6 +536,66 @@ fn normals_expect_a_parabola_on_a_sphere_from_both_ends() {
 }
 
 #[test]
+fn a_normal_that_lies_flat_expects_no_more_than_one_of_78_degrees() {
+    let (sine, cosine) = 80f64.to_radians().sin_cos();
+    let [a, b] = expected_by_normals(DVec3::X, DVec3::new(-sine, 0., cosine), DVec3::new(sine, 0., cosine));
+    assert_relative_eq!(a.distance(0.25 * sine / 0.2 * DVec3::Z), 0.0, epsilon = 1e-12);
+    assert_relative_eq!(a.distance(b), 0.0, epsilon = 1e-12);
+}
+
+#[test]
+fn a_curve_has_a_corner_where_it_turns_by_more_than_60_degrees() {
+    let turned = |degrees: f64| 0.3 * DVec2::from_angle(degrees.to_radians()).extend(0.0);
+    assert_eq!(
+        [-61.0, -59.0, 59.0, 61.0].map(|d| is_smooth_turn(2.0 * DVec3::X, turned(d))),
+        [false, true, true, false]
+    );
+}
+
+#[test]
+fn the_ends_of_an_edge_on_a_curve_expect_what_its_sides_turn_aside() {
+    // From a diagonal of the lattice into a row, and straight on or up a column.
+    let m = lattice(false, |_, _| 0.0);
+    let edge = [at(3, 4), at(4, 4)];
+    let along = |last| chain(&[at(2, 3), at(3, 4), at(4, 4), last]);
+    let smooth = place(&m, &along(at(5, 4)), edge);
+    assert!([DVec3::Y / 8.0, DVec3::ZERO].iter().all(|way| smooth.expected.contains(way)));
+    assert_eq!(place(&m, &along(at(4, 5)), edge).expected, [DVec3::ZERO; 2], "a corner at one end");
+    // On a circle both expect where the new vertex goes.
+    let circle = |i: u32| DVec2::from_angle(TAU * f64::from(i) / 8.0).extend(0.0).to_array();
+    let points: Vec<[f64; 3]> = (0..8).map(circle).chain([[0.; 3]]).collect();
+    let m = mesh(&points, &(0..8).map(|i| [i, (i + 1) % 8, 8]).collect::<Vec<_>>());
+    let Proposal { point, expected, .. } = place(&m, &[], [2, 3]);
+    let shift = point - (m.point(Vert::new(2)) + m.point(Vert::new(3))) / 2.0;
+    assert!(expected.iter().all(|way| way.distance(shift) < 1e-12) && shift.length() > 0.01);
+}
+
+#[test]
+fn both_half_edges_of_an_edge_say_the_same() {
+    let m = lattice(false, |x, y| 0.2 * (1.3 * x).sin() - 0.1 * (x * y).cos());
+    let stencils = Stencils::new(&m, &tags(&chain(&[at(2, 3), at(3, 4), at(4, 4)])));
+    let twins = m.halves().filter_map(|h| Some((h, m.twin(h)?)));
+    let n = twins.inspect(|&(h, twin)| assert_eq!(stencils.place(h), stencils.place(twin))).count();
+    assert!(n > 300);
+}
+
+#[test]
+fn surfaces_that_touch_in_a_vertex_do_not_count_as_one() {
+    // Two tetrahedra with a common corner: three triangles there each, not a regular end of six.
+    let points =
+        [[0.; 3], [1., 0., 0.], [0., 1., 0.], [0., 0., 1.], [-1., 0., 0.], [0., -1., 0.], [0., 0., -1.]];
+    let one = |[a, b, c]: [usize; 3]| [[0, b, a], [0, c, b], [0, a, c], [a, b, c]];
+    let m = mesh(&points, &[one([1, 2, 3]), one([4, 6, 5])].concat());
+    let expected = [(0, 1.0 / 3.0), (1, 1.0 / 3.0), (2, 1.0 / 6.0), (3, 1.0 / 6.0)];
+    let alone = mesh(&points, &one([1, 2, 3]));
+    let both = weights(&m, &[], [0, 1]);
+    assert_eq!(both.0, Rule::Mean);
+    assert_eq!(both, weights(&alone, &[], [0, 1]), "{expected:?}");
+    let of = |m: &Mesh| place(m, &[], [0, 1]).expected;
+    assert_eq!(of(&m), of(&alone));
+}
+
+#[test]
 fn faces_without_area_have_no_say_in_a_normal() {
     // A flat fan of four in which one triangle has two corners in the same place.
     let points = [[0., 0., 0.], [1., 0., 0.], [0., 1., 0.], [0., 1., 0.], [-1., -1., 0.]];
@@ -543,4 +603,10 @@ fn faces_without_area_have_no_say_in_a_normal() {
     let stencils = Stencils::new(&m, &Tags::default());
     let sector = stencils.sector(Face::new(0).half(0));
     assert_eq!(stencils.normal(sector), DVec3::Z);
+    // Nor have those that have a corner where the end is.
+    let mut points = points;
+    points[3] = points[0];
+    let m = mesh(&points, &[[0, 1, 2], [0, 2, 3], [0, 3, 4], [0, 4, 1]]);
+    let stencils = Stencils::new(&m, &Tags::default());
+    assert_eq!(stencils.normal(stencils.sector(Face::new(0).half(0))), DVec3::Z);
 }

@@ -207,7 +207,7 @@ mod tests {
     use crate::edit::Edit;
     use crate::fit::{Fit, FitSource};
     use crate::mesh::tests::mesh;
-    use crate::mesh::{Half, PerVert};
+    use crate::mesh::{Half, Mesh, PerVert};
     use crate::refine::{Inserts, refine};
     use crate::untangle::Context;
 
@@ -215,9 +215,22 @@ mod tests {
     // fourth are split at y = 1/2: the new vertices make a crease there, at height `z`. The middle sample of the third row,
     // vertex 12, is at `sample`.
     fn collapsed_beside(z: f64, sample: DVec3, rms: f64) -> (usize, bool) {
+        let plane = |_| Some(Fit { rms, ..Fit::plane(DVec3::ZERO, DVec3::Z, FitSource::Region) });
+        let (n_collapsed, replaced, _) = collapsed_with(z, sample, 1.0, plane);
+        (n_collapsed, replaced == [Vert::new(12)])
+    }
+
+    // The same at any scale, with a fit for each old vertex: how many collapsed, which are gone, and what came out.
+    fn collapsed_with(
+        z: f64,
+        sample: DVec3,
+        scale: f64,
+        fit: impl Fn(usize) -> Option<Fit>,
+    ) -> (usize, Vec<Vert>, Mesh) {
         let mut points: Vec<[f64; 3]> =
             (0..30).map(|i| [f64::from(i % 5), f64::from(i / 5) - 2.0, 0.0]).collect();
         points[12] = sample.to_array();
+        points.iter_mut().flatten().for_each(|x| *x *= scale);
         let square = |c: usize| [[c, c + 1, c + 6], [c, c + 6, c + 5]];
         let corners = (0..25).filter(|c| c % 5 != 4).flat_map(square);
         let before = mesh(&points, &corners.collect::<Vec<_>>());
@@ -226,10 +239,11 @@ mod tests {
             rows.contains(&2) && rows.contains(&3)
         };
         let mut inserts = Inserts::in_the_middle(&before, is_between, &[]);
-        inserts.points.iter_mut().for_each(|p| (p.y, p.z) = (0.5, z));
+        inserts.points.iter_mut().for_each(|p| (p.y, p.z) = (0.5 * scale, z * scale));
         let refined = refine(&before, &inserts).unwrap();
-        let plane = Fit { rms, ..Fit::plane(DVec3::ZERO, DVec3::Z, FitSource::Region) };
-        let context = Context::plain(&before, &refined, Some(&plane));
+        let fits: Vec<Option<Fit>> = (0..30).map(fit).collect();
+        let fits = fits.iter().map(Option::as_ref).collect::<Vec<_>>().into();
+        let context = Context { fits, mean_edge: scale, ..Context::plain(&before, &refined, None) };
         let is_whole = PerVert::filled(refined.mesh.n_verts(), true);
         let mut edit = Edit::new(&refined, before.n_verts(), &is_whole);
         let mut counts = UntangleCounts::default();
@@ -237,7 +251,7 @@ mod tests {
         let edited = edit.finish(&before, &inserts, |v| v).unwrap();
         edited.mesh.check().unwrap();
         assert!(edited.mesh.face_normals().as_slice().iter().all(|n| n.z > 0.5));
-        (counts.collapsed, edited.replaced == [Vert::new(12)])
+        (counts.collapsed, edited.replaced, edited.mesh)
     }
 
     fn collapsed(sample: DVec3, rms: f64) -> (usize, bool) {
@@ -272,5 +286,44 @@ mod tests {
         let lifted = |z: f64| collapsed(DVec3::new(2.0, 0.3, z), 0.05);
         assert_eq!(lifted(0.12), (1, true), "it was off its fit by as much");
         assert_eq!(lifted(0.19), (0, false));
+    }
+
+    const LOW: DVec3 = DVec3::new(2.0, 0.4, 0.0);
+
+    fn plane(rms: f64) -> Option<Fit> {
+        Some(Fit { rms, ..Fit::plane(DVec3::ZERO, DVec3::Z, FitSource::Region) })
+    }
+
+    #[test]
+    fn heights_and_distances_are_in_mean_edges() {
+        for scale in [0.01, 1.0, 100.0] {
+            let n = |sample| collapsed_with(0.0, sample, scale, |_| plane(0.02)).0;
+            assert_eq!((n(LOW), n(DVec3::new(2.0, 0.2, 0.0))), (1, 0), "{scale}");
+            let lifted = |z| collapsed_with(0.0, DVec3::new(2.0, 0.3, z), scale, |_| plane(0.05)).0;
+            assert_eq!((lifted(0.12), lifted(0.19)), (1, 0), "{scale}");
+        }
+    }
+
+    #[test]
+    fn the_crease_is_as_uncertain_as_the_worse_of_its_sides() {
+        let n = |below: Option<Fit>, above: Option<Fit>| {
+            collapsed_with(0.0, LOW, 1.0, |v| if v < 15 { below.clone() } else { above.clone() }).0
+        };
+        assert_eq!(n(plane(0.0), plane(0.0)), 0);
+        assert_eq!(n(plane(0.02), plane(0.0)), 1);
+        assert_eq!(n(plane(0.0), plane(0.02)), 1);
+        assert_eq!(n(plane(0.0), None), 1, "without a fit there is doubt");
+    }
+
+    #[test]
+    fn the_sample_goes_where_the_faces_that_are_left_have_the_best_shape() {
+        // The worst of its neighbours would leave faces a third as good.
+        for (sample, least) in
+            [(LOW, 0.3), (DVec3::new(1.9, 0.4, 0.0), 0.27), (DVec3::new(2.2, 0.35, 0.0), 0.287)]
+        {
+            let (n, _, mesh) = collapsed_with(0.0, sample, 1.0, |_| plane(0.05));
+            let worst = mesh.face_ids().map(|f| shape(mesh.triangle(f))).fold(f64::INFINITY, f64::min);
+            assert!(n == 1 && worst > least - 1e-3, "{sample}: {worst}");
+        }
     }
 }
