@@ -23,6 +23,9 @@ pub(super) const EXPLAINED: f64 = 0.35;
 const LEFTOVER_RINGS: usize = 3;
 /// ... which takes this many of them ...
 const LEFTOVER_MEMBERS: usize = 4;
+/// ... of which this many face as it does: two across a fold are no surface (a needle got 14 faces that cross others).
+/// At four a coarse fandisk loses two corners ...
+const LEFTOVER_FACING: usize = 3;
 /// ... and has to be this good: residual and displacement in h. At a residual of 0.03 coarse meshes lose
 /// a tenth of their gain, at 0.1 finely sampled ones a quarter.
 pub(super) const LEFTOVER_RMS: f64 = 0.05;
@@ -93,7 +96,9 @@ pub(super) fn explain_by_leftovers(surface: &Surface, fits: &mut VertexFits, max
             return None;
         }
         let fit = fitter.fit(surface.mesh.point(centre), samples, FitSource::Leftover)?;
-        let is_good = fit.rms <= max_rms && fit.displacement.abs() <= LEFTOVER_DISPLACEMENT;
+        let is_good = fit.n_members >= LEFTOVER_FACING
+            && fit.rms <= max_rms
+            && fit.displacement.abs() <= LEFTOVER_DISPLACEMENT;
         is_good.then_some(fit)
     });
 }
@@ -217,14 +222,16 @@ pub(super) mod tests {
         }
         explain_by_leftovers(&surface(&m, &normals), &mut fits, LEFTOVER_RMS);
         assert_eq!(fits.iter().filter(|(_, fit)| fit.source == Leftover).count(), 0);
-        // A strip folded by 90 degrees is not smooth.
+        // A strip folded by 90 degrees is not smooth: at most one side alone is.
         let (mut points, faces) = strip().into_parts();
         points[4..].iter_mut().for_each(|p| *p = dvec3(1.0, p.y, 1.0 - p.x));
         let folded = Mesh::new(points, faces).unwrap();
         let normals = folded.face_normals();
         let mut fits = VertexFits::none(8, folded.verts().collect());
         explain_by_leftovers(&surface(&folded, &normals), &mut fits, LEFTOVER_RMS);
-        assert_eq!(fits.iter().count(), 0);
+        assert!(fits.iter().count() <= 2, "a vertex at each end sees enough of its side");
+        let is_of_one_side = |fit: &Fit| fit.normal.x.max(fit.normal.z) > 0.999 && fit.rms < 1e-3;
+        assert!(fits.iter().all(|(_, fit)| is_of_one_side(fit)));
     }
 
     #[test]
