@@ -28,8 +28,7 @@ pub(crate) const CALM_ANGLE: f64 = 8.0 * PI / 180.0;
 const EVEN_ANGLE: f64 = 20.0 * PI / 180.0;
 /// Samples are taken from this many rings ...
 const RINGS: usize = 2;
-/// ... up to this many, which slivers seldom reach: finding them takes time in the square of their number. The first
-/// ones count.
+/// ... up to this many, which slivers seldom reach: finding them takes time in the square of their number.
 const MAX_SAMPLES: usize = 64;
 /// Fewer than twice as many as a quadric has coefficients do not tell whether it fits.
 const MIN_SAMPLES: usize = 12;
