@@ -16,6 +16,8 @@
 //! Cost: O(F); the angles are computed once, in parallel, those at vertices that are not interior once more for region
 //! fits with a low threshold.
 
+mod calm;
+
 use std::cmp::Ordering;
 use std::f64::consts::PI;
 use std::sync::atomic::AtomicU8;
@@ -26,6 +28,8 @@ use rayon::prelude::*;
 
 use crate::geometry::{angle_between, angle_between_units, angle_of_chord};
 use crate::mesh::{Face, Half, Mesh, PerFace, PerHalf, PerVert, Vert};
+
+pub(crate) use calm::CALM_ANGLE;
 
 /// Which edges count as smooth.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -97,8 +101,8 @@ pub fn classify(mesh: &Mesh, normals: &PerFace<DVec3>, options: &ClassifyOptions
 pub fn classify_interior(mesh: &Mesh, normals: &PerFace<DVec3>, options: &ClassifyOptions) -> Labels {
     let mut labels = smooth_edges_and_filter_1(mesh, normals, options);
     // A threshold that the caller chose is what it is.
-    if matches!(options.threshold, SmoothThreshold::MeanTimes(_)) && labels.threshold < CALM_ANGLE {
-        add_calm_vertices(mesh, normals, &mut labels);
+    if matches!(options.threshold, SmoothThreshold::MeanTimes(_)) {
+        calm::add_calm_vertices(mesh, normals, &mut labels);
     }
     labels
 }
@@ -209,36 +213,6 @@ fn filter_1_interior_of_smooth_region(mesh: &Mesh, border_is_smooth: bool, label
     for h in stops {
         labels.interior_vertex[mesh.from(h)] = false;
         labels.interior_vertex[mesh.to(h)] = false;
-    }
-}
-
-/// Edges that bend by less than this are no chamfers (those of the least crease bend by half of 35 degrees), and are
-/// smooth where all edges round them are: 8 degrees, in radians.
-pub(crate) const CALM_ANGLE: f64 = 8.0 * PI / 180.0;
-
-/// Paints red each vertex that has no edge of [`CALM_ANGLE`] or more, and no neighbour that has.
-///
-/// Where most of a mesh is flat without any noise, on grids along the axes above all, the mean angle is next to
-/// nothing, and the wall of a hole has no vertex with smooth edges only: its rim gets the wrong labels (L2 of a block
-/// with a hole .0206 -> .0088). With a larger threshold for all edges, slanted vertices of chamfers count as smooth
-/// too, and a wedge has 8 times the error.
-fn add_calm_vertices(mesh: &Mesh, normals: &PerFace<DVec3>, labels: &mut Labels) {
-    let least = (2.0 * (0.5 * CALM_ANGLE).sin()).powi(2);
-    let Labels { smooth_edge, interior_vertex, .. } = labels;
-    let is_calm_edge =
-        |h: Half| smooth_edge[h] || chord_squared(mesh, normals, h).is_some_and(|chord| chord < least);
-    let is_calm_vertex = |&v: &Vert| {
-        let leaving = mesh.leaving(v);
-        let mut edges = leaving.iter().flat_map(|&h| [h, h.prev()]);
-        !interior_vertex[v] && !leaving.is_empty() && edges.all(is_calm_edge)
-    };
-    let added: Vec<Vert> =
-        (0..mesh.n_verts()).into_par_iter().map(Vert::new).filter(is_calm_vertex).collect();
-    let mut is_calm = interior_vertex.clone();
-    added.iter().for_each(|&v| is_calm[v] = true);
-    let is_inside = |v: &&Vert| mesh.leaving(**v).iter().all(|&h| is_calm[mesh.to(h)]);
-    for &v in added.iter().filter(is_inside) {
-        interior_vertex[v] = true;
     }
 }
 
@@ -507,42 +481,5 @@ mod tests {
         let l = labels(&m, SmoothThreshold::Angle(1.0), true);
         assert!(flagged(&l.smooth_edge).is_empty());
         assert_eq!(labels(&m, SmoothThreshold::MeanTimes(2.0), true).threshold, 0.0);
-    }
-
-    #[test]
-    fn a_wall_that_bends_evenly_is_smooth_beside_a_large_flat_part() {
-        // Columns of 5 vertices, 1 apart: flat up to column 30, then 6 degrees more at each, and 45 at column 40.
-        let turn = |c: usize| match c {
-            30..40 => 6.0,
-            40 => 45.0,
-            _ => 0.0,
-        };
-        let (mut points, mut direction) = (Vec::new(), 0f64);
-        let (mut x, mut z) = (0.0, 0.0);
-        for c in 0..45 {
-            points.extend((0..5).map(|r| [x, f64::from(r), z]));
-            direction += turn(c);
-            let (sine, cosine) = direction.to_radians().sin_cos();
-            (x, z) = (x + cosine, z - sine);
-        }
-        let squares = (0..44).flat_map(|c| (0..4).map(move |r| 5 * c + r));
-        let faces: Vec<_> = squares.flat_map(|v| [[v, v + 5, v + 6], [v, v + 6, v + 1]]).collect();
-        let m = mesh(&points, &faces);
-        let interior = |classify: fn(&Mesh, &PerFace<DVec3>, &ClassifyOptions) -> Labels, threshold| {
-            let labels =
-                classify(&m, &m.face_normals(), &ClassifyOptions { threshold, border_is_smooth: true });
-            let in_row_2: Vec<usize> =
-                (0..45).filter(|c| labels.interior_vertex[Vert::new(5 * c + 2)]).collect();
-            (labels.threshold, in_row_2)
-        };
-        let flat: Vec<usize> = (0..30).chain(41..45).collect();
-        let (threshold, by_papers) = interior(classify, SmoothThreshold::MeanTimes(2.0));
-        assert!(threshold < 2f64.to_radians());
-        assert_eq!(by_papers, flat);
-        let (_, found) = interior(classify_interior, SmoothThreshold::MeanTimes(2.0));
-        let all_but_beside_the_crease: Vec<usize> = (0..39).chain(41..45).collect();
-        assert_eq!(found, all_but_beside_the_crease);
-        // A threshold that was asked for stays.
-        assert_eq!(interior(classify_interior, SmoothThreshold::Angle(threshold)).1, flat);
     }
 }
