@@ -114,7 +114,10 @@ fn collect_rings(mesh: &Mesh, v: Vert, ring: &mut Vec<Vert>) {
         start = ring.len();
         for i in last {
             for &h in mesh.leaving(ring[i]) {
-                if ring.len() < MAX_SAMPLES && !ring.contains(&mesh.to(h)) {
+                if ring.len() >= MAX_SAMPLES {
+                    return;
+                }
+                if !ring.contains(&mesh.to(h)) {
                     ring.push(mesh.to(h));
                 }
             }
