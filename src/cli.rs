@@ -18,7 +18,7 @@ use crate::generate::Generated;
 ///
 /// Marching cubes, scanners, remeshers and generators cut every crease off into a strip of chamfer
 /// triangles. sharpen finds these strips and puts new vertices where the smooth surfaces on both sides
-/// meet. Everything else stays as it is: the same vertices in the same order, bit for bit.
+/// meet. Away from creases everything stays as it is: the same vertices in the same order, bit for bit.
 #[derive(Parser, Clone, Debug)]
 #[command(override_usage = "sharpen [OPTIONS] <INPUT> <OUTPUT>\n       sharpen --generate <WHAT>")]
 #[command(version, after_help = EXIT_STATUS, after_long_help = format!("{FOLDERS}\n\n{EXIT_STATUS}"))]

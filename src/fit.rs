@@ -8,7 +8,7 @@
 //!      origin
 //! ```
 //!
-//! Based on: REGIONS.md step 4 (nothing in the papers, which take the mean of the red normals).
+//! Based on: nothing in the papers, which take the mean of the red normals. Step 4 of [`regions`](crate::regions).
 //! Differs: nothing.
 //! In/out: `Sample`s round an origin -> `Fit`.
 //! Cost: O(samples), no allocation; the sums of the normal equations are moments, 11 for a plane and 27

@@ -70,7 +70,8 @@ use tags::Tags;
 /// What [`sharpen`] gives back.
 #[derive(Clone, Debug, Default)]
 pub struct Sharpened {
-    /// The new mesh. Old vertices keep their index and their bits; inserted ones follow.
+    /// The new mesh. Old vertices keep their index, and their bits but for those that moved onto their surface
+    /// beside a crease or gave their place to an inserted one (the report has both); other inserted ones follow.
     pub mesh: Mesh,
     /// Its sharp edges and tagged vertices.
     pub tags: Tags,

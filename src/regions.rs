@@ -10,12 +10,21 @@
 //!                 M |  /|    edges (Sperner's lemma): no search for corners.
 //! ```
 //!
-//! Based on: REGIONS.md steps 1 to 9, labels that are carried along (`grow.rs`) and creases that fade
-//! (`fade.rs`); it replaces the papers' filters 1 to 6, but for the smooth edges. Fits go onto the samples beside
-//! their crease (`anchor.rs`). Tips of cones (`apex.rs`).
-//! Differs: vertices count as deep by their neighbours alone, not by a distance as well (step 2; it made
-//! no measurable difference). A patch has at most [`patch::MAX_MEMBERS`] vertices. Interior vertices keep
-//! to their own region.
+//! The steps, as comments in these files number them (`h` is the mean edge length):
+//!
+//! 1. Interior vertices have smooth edges only; regions of fewer than four of them are none.
+//! 2. Deep ones have interior neighbours only: their samples are trusted fully.
+//! 3. The patch of a doubtful vertex: the regions that come within 3 h of it (`patch.rs`).
+//! 4. The fit of a region round the vertex: a height field through positions and normals (`fit.rs`).
+//! 5. The label of the vertex: the fit that passes nearest to it (`explain.rs`).
+//! 6. What no region explains: by red faces (a), by leftovers (b), by labels carried along (`label.rs`, `grow.rs`).
+//! 7. Chamfer edges: the fits of their ends disagree in the middle.
+//! 8. Strips of them that are rounds, fades or guesses are left alone (`gates.rs`, `rounds.rs`, `fade.rs`, `ends.rs`).
+//! 9. Samples that are off the surface move onto their fit (`moves.rs`, `noise.rs`), or fits onto their samples
+//!    (`anchor.rs`); tips of cones (`apex.rs`).
+//!
+//! Based on: nothing in the papers but their smooth edges; it replaces filters 1 to 6.
+//! Differs: a patch has at most [`patch::MAX_MEMBERS`] vertices; interior vertices keep to their own region.
 //! In/out: `Mesh` + face normals `[F]` + `Labels` (smooth edges, interior vertices) -> `RegionLabels`.
 //! Cost: O(V) plus some 10 microseconds per doubtful vertex, in parallel.
 

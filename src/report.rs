@@ -127,7 +127,7 @@ pub struct Report {
     /// How well the recovered creases and corners are supported, where region fits found them.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub verdict: Option<Verdict>,
-    /// Old vertices that moved onto the surface that their region's fit predicts.
+    /// Old vertices that moved onto the surface that their region's fit predicts, or to the tip of a cone.
     pub moved_vertices: usize,
     /// What became of degenerate faces, where the papers' clean-up ran.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -135,7 +135,8 @@ pub struct Report {
     /// What became of folds and slivers, where untangling ran.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub untangled: Option<UntangleCounts>,
-    /// Old vertices that were collapsed; an inserted vertex has taken the index of each.
+    /// Old vertices that were collapsed and whose index an inserted vertex has taken. Where more were collapsed than
+    /// inserted ones are left, the others stay without a face.
     pub replaced_vertices: Vec<usize>,
     /// How the new vertices of each level of bending were placed.
     #[serde(skip_serializing_if = "Vec::is_empty")]

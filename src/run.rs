@@ -174,7 +174,9 @@ fn details(report: &Report) -> String {
     if let Some(untangled) = report.untangled {
         let (bad, collapsed, flipped) = (untangled.bad_before, untangled.collapsed, untangled.flipped);
         let left = untangled.left;
-        lines.push(format!("{bad} bad faces: {collapsed} edges collapsed, {flipped} flipped; {left} left"));
+        lines.push(format!(
+            "{bad} bad faces, slivers not counted: {collapsed} edges collapsed, {flipped} flipped; {left} left, slivers counted"
+        ));
     }
     if let Some(verdict) = &report.verdict {
         let percent = |share: f64| format!("{:.1} %", 100.0 * share);

@@ -66,8 +66,9 @@ fn calm_vertices(mesh: &Mesh, normals: &PerFace<DVec3>, labels: &Labels, angle: 
         |h: Half| smooth_edge[h] || chord_squared(mesh, normals, h).is_some_and(|chord| chord < least);
     let is_calm_vertex = |&v: &Vert| {
         let leaving = mesh.leaving(v);
-        let mut edges = leaving.iter().flat_map(|&h| [h, h.prev()]);
-        !interior_vertex[v] && !leaving.is_empty() && edges.all(is_calm_edge)
+        // An edge that no half-edge leaves by is a border.
+        let is_calm_face = |&h: &Half| is_calm_edge(h) && !mesh.is_border(h.prev());
+        !interior_vertex[v] && !leaving.is_empty() && leaving.iter().all(is_calm_face)
     };
     let mut added: Vec<Vert> =
         (0..mesh.n_verts()).into_par_iter().map(Vert::new).filter(is_calm_vertex).collect();
@@ -93,14 +94,15 @@ fn is_even(mesh: &Mesh, normals: &PerFace<DVec3>, v: Vert, ring: &mut Vec<Vert>)
         (SVector::from([1.0, x, y, x * x, x * y, y * y]), offset.dot(up))
     };
     let mut matrix = SMatrix::<f64, 6, 6>::identity() * (RIDGE * ring.len() as f64);
-    let mut right = SVector::<f64, 6>::zeros();
+    let (mut right, mut squares) = (SVector::<f64, 6>::zeros(), 0.0);
     for (row, height) in ring.iter().map(sample) {
-        matrix += row * row.transpose();
-        right += height * row;
+        matrix.ger(1.0, &row, &row, 1.0);
+        right.axpy(height, &row, 1.0);
+        squares += height * height;
     }
     let Some(factors) = matrix.cholesky() else { return false };
-    let quadric = factors.solve(&right);
-    let left: f64 = ring.iter().map(sample).map(|(row, height)| (height - row.dot(&quadric)).powi(2)).sum();
+    // What the best quadric leaves is what it is at right angles to.
+    let left = squares - factors.solve(&right).dot(&right);
     left <= EVEN_RMS * EVEN_RMS * ring.len() as f64
 }
 

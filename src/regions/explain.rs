@@ -8,7 +8,7 @@
 //!   o---o---1---o---o
 //! ```
 //!
-//! Based on: REGIONS.md steps 3 to 5.
+//! Based on: nothing in the papers.
 //! Differs: one search for some three vertices; exact fits are shared; interior vertices take a fit beside them
 //! where it fits.
 //! In/out: `Surface` -> `VertexFits`.

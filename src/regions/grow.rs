@@ -10,7 +10,7 @@
 //!
 //! Based on: nothing in the papers. Narrow zones at corners and between creases have no interior vertex of
 //! their own; their labels come from where they widen.
-//! In/out: `Surface` + fits -> more fits, none changed.
+//! In/out: `Surface` + fits -> more fits; those that are far from their vertex are replaced by better ones.
 //! Cost: a patch and a few fits per vertex that nothing explains, and again where labels are new, in parallel.
 
 use std::ops::RangeInclusive;

@@ -6,7 +6,7 @@
 //!             x
 //! ```
 //!
-//! Based on: REGIONS.md step 9; the papers let samples stay.
+//! Based on: nothing in the papers, which let samples stay.
 //! Differs: on curved sides a sample that stands out moves when it is off by less.
 //! In/out: `Surface` + fits + chamfers -> vertices, ascending, and where to.
 //! Cost: O(chamfer edges).
