@@ -13,6 +13,9 @@
 //! Based on: Sharpen&Bend section 3.2 and figure 5 (a, b, c), section 4.2 and figure 11 (d).
 //! Differs: in case b, where the paper is silent, the quadrilateral takes its shorter diagonal,
 //! measured before the new vertices move (a tie goes to the smaller vertex index).
+//! Sharpening rebuilds only an excerpt round the split faces and bending splits all faces alike, both for speed; this
+//! is what both are held against, and what callers of the library have.
+//!
 //! In/out: `Mesh` + `Inserts` -> `Refined`; children stand where their parent stood.
 //! Cost: O(F), one pass to count and one to write, both parallel.
 
