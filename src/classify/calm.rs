@@ -17,7 +17,7 @@ use nalgebra::{SMatrix, SVector};
 use rayon::prelude::*;
 
 use super::{Labels, chord_squared};
-use crate::mesh::{Half, Mesh, PerFace, Vert};
+use crate::mesh::{Mesh, PerFace, Vert};
 
 /// Edges that bend by less than this are no chamfers (those of the least crease bend by half of 35 degrees), and are
 /// smooth where all edges round them are: 8 degrees, in radians.
@@ -47,35 +47,47 @@ const RIDGE: f64 = 1e-9;
 /// with a hole .0206 -> .0088, of a coarse one .0665 -> .0221). With a larger threshold for all edges, slanted vertices of
 /// chamfers count as smooth too, and a wedge has 8 times the error.
 pub(super) fn add_calm_vertices(mesh: &Mesh, normals: &PerFace<DVec3>, labels: &mut Labels) {
+    if labels.threshold >= CALM_ANGLE.max(EVEN_ANGLE) {
+        return;
+    }
+    let chord = |angle: f64| (2.0 * (0.5 * angle).sin()).powi(2);
+    let candidates = candidates(mesh, normals, labels, chord(EVEN_ANGLE));
     for (angle, has_to_be_even) in [(CALM_ANGLE, false), (EVEN_ANGLE, true)] {
-        if labels.threshold < angle {
-            let calm = calm_vertices(mesh, normals, labels, angle);
-            let counts = |ring: &mut Vec<Vert>, &v: &Vert| !has_to_be_even || is_even(mesh, normals, v, ring);
-            let counts: Vec<bool> = calm.par_iter().map_init(Vec::new, counts).collect();
-            let counted = calm.iter().zip(counts).filter(|&(_, counts)| counts);
-            counted.for_each(|(&v, _)| labels.interior_vertex[v] = true);
+        if labels.threshold >= angle {
+            continue;
         }
+        let bends_less = |&&(_, steepest): &&(Vert, f64)| steepest < chord(angle);
+        let mut is_calm = labels.interior_vertex.clone();
+        candidates.iter().filter(bends_less).for_each(|&(v, _)| is_calm[v] = true);
+        let is_inside = |v: Vert| mesh.leaving(v).iter().all(|&h| is_calm[mesh.to(h)]);
+        let counts = |ring: &mut Vec<Vert>, &(v, steepest): &(Vert, f64)| {
+            let is_calm = steepest < chord(angle) && !labels.interior_vertex[v] && is_inside(v);
+            (is_calm && (!has_to_be_even || is_even(mesh, normals, v, ring))).then_some(v)
+        };
+        let added: Vec<Option<Vert>> = candidates.par_iter().map_init(Vec::new, counts).collect();
+        added.into_iter().flatten().for_each(|v| labels.interior_vertex[v] = true);
     }
 }
 
-/// The vertices that are not interior, but with their neighbours have no edge of `angle` or more. Ascending.
-fn calm_vertices(mesh: &Mesh, normals: &PerFace<DVec3>, labels: &Labels, angle: f64) -> Vec<Vert> {
+/// The vertices that are not interior and have no edge with a chord of `limit` or more, with the square of the longest
+/// chord of those that are not smooth. Ascending.
+fn candidates(mesh: &Mesh, normals: &PerFace<DVec3>, labels: &Labels, limit: f64) -> Vec<(Vert, f64)> {
     let Labels { smooth_edge, interior_vertex, .. } = labels;
-    let least = (2.0 * (0.5 * angle).sin()).powi(2);
-    let is_calm_edge =
-        |h: Half| smooth_edge[h] || chord_squared(mesh, normals, h).is_some_and(|chord| chord < least);
-    let is_calm_vertex = |&v: &Vert| {
-        let leaving = mesh.leaving(v);
-        // An edge that no half-edge leaves by is a border.
-        let is_calm_face = |&h: &Half| is_calm_edge(h) && !mesh.is_border(h.prev());
-        !interior_vertex[v] && !leaving.is_empty() && leaving.iter().all(is_calm_face)
+    let steepest = |v: Vert| {
+        let leaving = mesh.leaving(v).iter();
+        leaving.copied().try_fold(0.0, |most: f64, h| {
+            // An edge that no half-edge leaves by is a border.
+            let chord = match smooth_edge[h] {
+                true => 0.0,
+                false => chord_squared(mesh, normals, h).filter(|&chord| chord < limit)?,
+            };
+            (!mesh.is_border(h.prev())).then_some(most.max(chord))
+        })
     };
-    let mut added: Vec<Vert> =
-        (0..mesh.n_verts()).into_par_iter().map(Vert::new).filter(is_calm_vertex).collect();
-    let mut is_calm = interior_vertex.clone();
-    added.iter().for_each(|&v| is_calm[v] = true);
-    added.retain(|&v| mesh.leaving(v).iter().all(|&h| is_calm[mesh.to(h)]));
-    added
+    let candidate =
+        |v: Vert| (!interior_vertex[v] && !mesh.leaving(v).is_empty()).then(|| steepest(v)).flatten();
+    let verts = (0..mesh.n_verts()).into_par_iter().map(Vert::new);
+    verts.filter_map(|v| Some((v, candidate(v)?))).collect()
 }
 
 /// Whether a quadric passes through `v` and the samples round it. `ring` is working space.
