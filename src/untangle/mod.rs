@@ -23,6 +23,7 @@ mod cross;
 mod fold;
 mod low;
 mod moves;
+mod respace;
 
 use glam::DVec3;
 use rayon::prelude::*;

@@ -3,23 +3,24 @@
 use glam::DVec3;
 
 use super::{CREASE_TOLERANCE, Energy, FACE_TOLERANCE, MIN_GAIN, UntangleCounts, Zone};
-use crate::geometry::{Plane, nearest_on_both};
 use crate::mesh::{Face, Vert};
 
 /// Two corners joined by a crease edge shorter than this (in mean edge lengths) may merge.
 const CORNER_MERGE: f64 = 0.25;
-/// A crease vertex may be projected onto its crease from at most this far (in mean edge lengths).
-const MAX_PROJECTION: f64 = 0.25;
-/// The planes of two fits with a smaller sine between them do not fix a crease: 6 degrees.
-const MIN_CREASE_SINE: f64 = 0.1;
-/// A run of at most this many crease vertices is spaced anew at once.
-const LONGEST_RUN: usize = 6;
 /// Going back towards the middle is the last resort: it must gain this much ...
 const BACK_GAIN: f64 = 0.5;
 /// ... and going further than a part of the way must gain this much more.
 const FURTHER_BACK_GAIN: f64 = 0.25;
+/// Shares of the way back to the middle that are tried, the shortest first.
+const BACK_SHARES: [f64; 4] = [0.25, 0.5, 0.75, 1.0];
 /// Energies that differ by less are equal.
 const ROUNDING: f64 = 1e-9;
+/// Gains are compared in this many parts of one bad face's energy: a thousandth of what an operation must gain, a
+/// thousand times what rounding makes of a sum, so that ties are ties on every machine.
+const GAIN_PARTS: f64 = 1e6;
+/// A face that is off its fit may become so many times as far off: on a crease vertex that slides along its fit,
+/// rounding alone says farther.
+const RESIDUAL_SLACK: f64 = 1.0001;
 
 /// What to do about a bad face.
 #[derive(Clone, Debug)]
@@ -33,7 +34,7 @@ pub(super) enum Operation {
 
 /// An operation with what decides between it and others.
 struct Candidate {
-    /// Energy gained, in millionths: less is rounding.
+    /// Energy gained, see [`GAIN_PARTS`]: less is rounding.
     gain: i64,
     /// Flip, collapse, merge, one vertex, a run, back: of equal gains the gentler operation.
     rank: u8,
@@ -59,7 +60,7 @@ impl Zone<'_, '_, '_> {
             let (a, b) = (t[i], t[(i + 1) % 3]);
             let length_squared = self.length_squared(a, b);
             let mut push = |gain: f64, rank, length_squared, vertices, operation| {
-                let gain = (gain * 1e6).round() as i64;
+                let gain = in_parts(gain);
                 candidates.push(Candidate { gain, rank, length_squared, vertices, operation });
             };
             if let Some((gain, faces, triangles)) = self.try_flip(f, a, b) {
@@ -86,7 +87,7 @@ impl Zone<'_, '_, '_> {
         if may_move_back && candidates.is_empty() {
             for v in t {
                 if let Some((gain, to)) = self.try_back(v) {
-                    let gain = (gain * 1e6).round() as i64;
+                    let gain = in_parts(gain);
                     let operation = Operation::MoveBack { vertex: v, to };
                     candidates.push(Candidate {
                         gain,
@@ -188,13 +189,13 @@ impl Zone<'_, '_, '_> {
 
     /// The energy of a face that an operation changes, unless it leaves its fit.
     fn allowed(&mut self, f: Face, new: Energy) -> Option<f64> {
-        let limit = FACE_TOLERANCE.max(self.energy(f).residual * 1.0001);
+        let limit = FACE_TOLERANCE.max(self.energy(f).residual * RESIDUAL_SLACK);
         (new.residual <= limit).then(|| self.value(new))
     }
 
     /// The energy of `faces` with `vertices` moved `to` other places, if none of them leaves its fit and the sum is
     /// less than `limit`.
-    fn energy_with(
+    pub(super) fn energy_with(
         &mut self,
         vertices: &[Vert],
         to: &[DVec3],
@@ -213,7 +214,7 @@ impl Zone<'_, '_, '_> {
     }
 
     /// Where `v` is with `vertices` moved `to` other places.
-    fn point_with(&self, vertices: &[Vert], to: &[DVec3], v: Vert) -> DVec3 {
+    pub(super) fn point_with(&self, vertices: &[Vert], to: &[DVec3], v: Vert) -> DVec3 {
         vertices.iter().position(|&w| w == v).map_or_else(|| self.edit.point(v), |i| to[i])
     }
 
@@ -224,7 +225,7 @@ impl Zone<'_, '_, '_> {
     }
 
     /// Whether `point`, the middle of a crease edge, lies on the fits of the faces beside `a`-`b`.
-    fn is_on_its_fits(&self, point: DVec3, a: Vert, b: Vert) -> bool {
+    pub(super) fn is_on_its_fits(&self, point: DVec3, a: Vert, b: Vert) -> bool {
         let h = self.context.mean_edge;
         let is_near =
             |f: Face| self.fit(f).is_none_or(|fit| fit.evaluate(point, h).0.abs() <= CREASE_TOLERANCE);
@@ -258,31 +259,6 @@ impl Zone<'_, '_, '_> {
             }
         }
         best.map(|(gain, faces)| (gain, faces, triangles))
-    }
-
-    /// The point of the crease of the two fits beside crease edge `v`-`w` nearest to `from`.
-    fn project(&self, from: DVec3, v: Vert, w: Vert) -> Option<DVec3> {
-        let beside = self.edit.faces_beside(v, w)?;
-        let [Some(p), Some(q)] = beside.map(|f| self.fit(f)) else { return None };
-        let h = self.context.mean_edge;
-        let mut point = from;
-        for _ in 0..3 {
-            let plane = |fit: &crate::fit::Fit| {
-                let (distance, normal) = fit.evaluate(point, h);
-                Plane { point: point - distance * h * normal, normal }
-            };
-            let (next, sine) = nearest_on_both(plane(p), plane(q), from)?;
-            if sine < MIN_CREASE_SINE || next.distance(from) > MAX_PROJECTION * h {
-                return None;
-            }
-            point = next;
-        }
-        Some(point)
-    }
-
-    /// Whether `v` is a vertex along a crease (not its end, not a corner) that lies on its feature.
-    fn is_along_crease(&self, v: Vert) -> bool {
-        self.edit.is_inserted(v) && self.crease(v).len() == 2 && (self.context.is_moved)(v)
     }
 
     /// Merges crease edge `gone`-`kept`: to a point between them on their crease, or, where two corners
@@ -329,96 +305,13 @@ impl Zone<'_, '_, '_> {
         [gone, kept].iter().all(stays_on_crease).then_some(old - new)
     }
 
-    /// Puts a crease vertex elsewhere between its two crease neighbours.
-    fn try_respace(&mut self, v: Vert) -> Option<(f64, DVec3)> {
-        if !self.is_along_crease(v) {
-            return None;
-        }
-        let [w, z] = [0, 1].map(|i| self.crease(v)[i]);
-        let mut best: Option<(f64, DVec3)> = None;
-        for share in [0.5, 0.25, 0.75] {
-            let from = self.edit.point(w).lerp(self.edit.point(z), share);
-            if let Some(to) = self.project(from, v, w)
-                && let Some(gain) = self.move_gain(&[v], &[to])
-                && best.is_none_or(|(most, _)| gain > most)
-            {
-                best = Some((gain, to));
-            }
-        }
-        best
-    }
-
-    /// Spaces the run of crease vertices round crease edge `a`-`b` evenly between its fixed ends: the
-    /// shortest run of two vertices or more that gains.
-    fn try_run(&mut self, a: Vert, b: Vert) -> Option<(f64, Vec<Vert>, Vec<DVec3>)> {
-        if !self.is_crease(a, b) {
-            return None;
-        }
-        let mut run = self.longer_run(&[a, b]);
-        while (3..=LONGEST_RUN + 2).contains(&run.len()) {
-            let inner = run[1..run.len() - 1].to_vec();
-            let mut sorted = run.clone();
-            sorted.sort_unstable();
-            sorted.dedup();
-            if sorted.len() != run.len() || !inner.iter().all(|&v| self.is_along_crease(v)) {
-                return None;
-            }
-            if inner.len() > 1
-                && let Some(to) = self.even_spacing(&run)
-                && let Some(gain) = self.move_gain(&inner, &to)
-            {
-                return Some((gain, inner, to));
-            }
-            let longer = self.longer_run(&run);
-            if longer.len() == run.len() {
-                return None;
-            }
-            run = longer;
-        }
-        None
-    }
-
-    /// The run with the next crease vertex at each end that is free to move.
-    fn longer_run(&self, run: &[Vert]) -> Vec<Vert> {
-        let beyond = |end: Vert, inner: Vert| {
-            let next = self.crease(end).iter().copied().find(|&w| w != inner);
-            next.filter(|_| self.is_along_crease(end))
-        };
-        let mut longer: Vec<Vert> = beyond(run[0], run[1]).into_iter().collect();
-        longer.extend(run);
-        longer.extend(beyond(run[run.len() - 1], run[run.len() - 2]));
-        longer
-    }
-
-    fn even_spacing(&self, run: &[Vert]) -> Option<Vec<DVec3>> {
-        let (first, last) = (self.edit.point(run[0]), self.edit.point(run[run.len() - 1]));
-        let share = |i: usize| i as f64 / (run.len() - 1) as f64;
-        let place = |i: usize| self.project(first.lerp(last, share(i)), run[i], run[i - 1]);
-        (1..run.len() - 1).map(place).collect()
-    }
-
-    /// What moving `vertices` gains, if faces and creases stay on their fits.
-    fn move_gain(&mut self, vertices: &[Vert], to: &[DVec3]) -> Option<f64> {
-        let mut faces: Vec<Face> = vertices.iter().flat_map(|&v| self.edit.faces_at(v)).copied().collect();
-        faces.sort_unstable();
-        faces.dedup();
-        let old: f64 = faces.iter().map(|&f| self.value_of(f)).sum();
-        let new = self.energy_with(vertices, to, faces, old - MIN_GAIN)?;
-        let at = |v: Vert| self.point_with(vertices, to, v);
-        let stays = |&v: &Vert| {
-            let middle = |w: Vert| at(v).midpoint(at(w));
-            self.crease(v).iter().all(|&w| self.is_on_its_fits(middle(w), v, w))
-        };
-        vertices.iter().all(stays).then_some(old - new)
-    }
-
     /// Moves an inserted vertex part of the way back to the middle of its edge or face.
     fn try_back(&mut self, v: Vert) -> Option<(f64, DVec3)> {
         let middle = self.context.refined.middles[v.index().checked_sub(self.n_old)?];
         let faces = self.edit.faces_at(v).to_vec();
         let old: f64 = faces.iter().map(|&f| self.value_of(f)).sum();
         let mut best: Option<(f64, DVec3)> = None;
-        for share in [0.25, 0.5, 0.75, 1.0] {
+        for share in BACK_SHARES {
             let to = self.edit.point(v).lerp(middle, share);
             let at = |w: Vert| if w == v { to } else { self.edit.point(w) };
             let energy = |&f: &Face| self.value(self.energy_of(self.edit.corners(f).map(at), f));
@@ -429,6 +322,10 @@ impl Zone<'_, '_, '_> {
         }
         best.map(|(new, to)| (old - new, to))
     }
+}
+
+fn in_parts(gain: f64) -> i64 {
+    (gain * GAIN_PARTS).round() as i64
 }
 
 /// Adds `v` to an ascending list, once.
