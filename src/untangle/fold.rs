@@ -131,3 +131,112 @@ fn is_sliver([a, b, c]: [DVec3; 3]) -> bool {
     let longest = a.distance_squared(b).max(b.distance_squared(c)).max(c.distance_squared(a));
     (b - a).cross(c - a).length() < MIN_SHAPE * longest
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::untangle::tests::Scene;
+
+    // 2---4---0    Edge 4-5 is a fold where 5 is beyond 0: face 4-5-0 is turned over, and flipping it cures that.
+    //  `. |`. |`.
+    //     1---5---3
+    fn strip(five: [f64; 3], three: [f64; 3]) -> Scene {
+        let points = [[1., 1., 0.], [0., 0., 0.], [-1., 1., 0.], three, [0., 1., 0.], five];
+        Scene::new(&points, &[[4, 5, 0], [5, 4, 1], [1, 4, 2], [0, 5, 3]], 6, &[])
+    }
+
+    const BEYOND: [f64; 3] = [2., 1.5, 0.];
+
+    /// How many edges were flipped, and the corners of the first two faces then.
+    fn flipped(scene: &Scene) -> (usize, [[usize; 3]; 2]) {
+        scene.run(|zone| {
+            let mut counts = UntangleCounts::default();
+            zone.flip_folds(&mut counts);
+            (counts.flipped, [0, 1].map(|f| zone.edit.corners(Face::new(f)).map(Vert::index)))
+        })
+    }
+
+    const AS_BEFORE: (usize, [[usize; 3]; 2]) = (0, [[4, 5, 0], [5, 4, 1]]);
+
+    #[test]
+    fn a_fold_is_flipped_away() {
+        assert_eq!(flipped(&strip(BEYOND, [3., 3., 0.])), (1, [[4, 1, 0], [1, 5, 0]]));
+        assert_eq!(flipped(&strip([1., 0., 0.], [2., 0., 0.])), AS_BEFORE, "nothing folds");
+    }
+
+    /// Two faces with an angle of so many degrees between them: [0, 0, 0] to [0, 1, 0] is their edge.
+    fn leaning(degrees: f64) -> [[f64; 3]; 4] {
+        let (sin, cos) = degrees.to_radians().sin_cos();
+        [[0.5 * cos, 0.5, 0.5 * sin], [-1., 0.5, 0.], [0., 1., 0.], [0.; 3]]
+    }
+
+    #[test]
+    fn only_angles_over_150_degrees_are_folds() {
+        let flips = |degrees| flipped(&Scene::new(&leaning(degrees), &[[2, 3, 0], [3, 2, 1]], 4, &[])).0;
+        assert_eq!([149.0, 151.0].map(flips), [0, 1]);
+    }
+
+    #[test]
+    fn the_sharpest_fold_comes_first() {
+        let points = [leaning(155.0), leaning(170.0)].concat();
+        let scene = Scene::new(&points, &[[2, 3, 0], [3, 2, 1], [6, 7, 4], [7, 6, 5]], 8, &[]);
+        let folds = scene.run(|zone| zone.folds_among(&zone.faces));
+        let edges: Vec<_> = folds.iter().map(|&(_, f, a, b)| [f.index(), a.index(), b.index()]).collect();
+        assert_eq!(edges, [[2, 6, 7], [0, 2, 3]]);
+        assert!((folds[0].0 - 170.0_f64.to_radians().cos()).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_fold_stays_where_its_flip_would_make_a_sliver() {
+        // Twice the area of 1-5-0 is 2 - y, the square of its longest side 4 + y².
+        let flips = |y: f64| flipped(&strip([2., y, 0.], [3., 3., 0.])).0;
+        assert_eq!((flips(1.96), flips(1.962)), (1, 0));
+    }
+
+    #[test]
+    fn a_fold_stays_where_its_flip_would_make_another_as_sharp() {
+        // Face 0-5-3 is turned over as well.
+        assert_eq!(flipped(&strip(BEYOND, [2., 0., 0.])), AS_BEFORE);
+    }
+
+    #[test]
+    fn a_flip_lowers_the_largest_angle_by_a_degree() {
+        // The first face is turned by 170 degrees. After the flip the third one is turned by `degrees` from its
+        // neighbour 1-3-0.
+        let flips = |degrees: f64| {
+            let [c, d, a, b] = leaning(170.0).map(DVec3::from);
+            let normal = unit_normal([d, b, c]).unwrap();
+            let outward = (c - b).cross(normal).normalize();
+            let outward = if outward.dot(d - b) > 0.0 { -outward } else { outward };
+            let (sin, cos) = degrees.to_radians().sin_cos();
+            let points = [c, d, a, b, c.midpoint(b) + cos * outward - sin * normal].map(|p| p.to_array());
+            let scene = Scene::new(&points, &[[2, 3, 0], [3, 2, 1], [0, 3, 4]], 5, &[]);
+            flipped(&scene).0
+        };
+        assert_eq!([169.5, 168.5].map(flips), [0, 1]);
+    }
+
+    // What folds along 4-5 and 0-3 keeps each other's faces turned over: the second flip gains only after the first.
+    #[test]
+    fn a_round_flips_what_the_one_before_it_uncovered() {
+        let points = [[1., 1., 0.], [0., 0., 0.], [-1., 1., 0.], [3., 3., 0.], [0., 1., 0.], BEYOND];
+        let points = [&points[..], &[[2.2, 1.9, 0.]]].concat();
+        let faces = [[4, 5, 0], [5, 4, 1], [1, 4, 2], [0, 5, 3], [0, 3, 6]];
+        assert_eq!(flipped(&Scene::new(&points, &faces, 7, &[])), (2, [[4, 1, 0], [1, 5, 0]]));
+    }
+
+    #[test]
+    fn faces_beside_a_flip_are_left_for_the_next_round() {
+        let flips_after = |earlier: &[usize]| {
+            strip(BEYOND, [3., 3., 0.]).run(|zone| {
+                let mut flipped: Vec<Face> = earlier.iter().map(|&f| Face::new(f)).collect();
+                zone.flip_fold(Face::new(0), Vert::new(4), Vert::new(5), &mut flipped);
+                flipped.len() == earlier.len() + 2
+            })
+        };
+        assert!(flips_after(&[]));
+        for beside in 0..4 {
+            assert!(!flips_after(&[beside]), "{beside}");
+        }
+    }
+}

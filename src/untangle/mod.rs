@@ -24,6 +24,8 @@ mod fold;
 mod low;
 mod moves;
 mod respace;
+#[cfg(test)]
+mod tests;
 
 use glam::DVec3;
 use rayon::prelude::*;

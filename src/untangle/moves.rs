@@ -1,4 +1,7 @@
-//! The operations that untangling chooses from, each with its tests and what it gains.
+//! The operations that untangling chooses from, each with what allows it and what it gains.
+
+#[cfg(test)]
+mod tests;
 
 use glam::DVec3;
 

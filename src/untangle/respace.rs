@@ -139,3 +139,145 @@ impl Zone<'_, '_, '_> {
         vertices.iter().all(stays).then_some(old - new)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fit::FitSource;
+    use crate::untangle::tests::{Scene, assert_near, roof, roof_with};
+    use glam::dvec3;
+
+    fn v(i: usize) -> Vert {
+        Vert::new(i)
+    }
+
+    fn crease() -> Vec<[usize; 2]> {
+        (40..49).map(|v| [v, v + 1]).collect()
+    }
+
+    #[test]
+    fn a_point_is_projected_onto_the_crease_from_nearby_only() {
+        let projected = |from: [f64; 3]| roof().run(|zone| zone.project(DVec3::from(from), v(42), v(43)));
+        assert!(projected([2.3, 0.1, 0.1]).unwrap().distance(dvec3(2.3, 0., 0.)) < 1e-12);
+        assert!(projected([2.3, 0., 0.24]).is_some());
+        assert!(projected([2.3, 0., 0.26]).is_none());
+        assert!(roof().run(|zone| zone.project(DVec3::ZERO, v(42), v(44))).is_none(), "no edge");
+        assert!(roof().without_fit(0..40).run(|zone| zone.project(DVec3::ZERO, v(42), v(43))).is_none());
+    }
+
+    #[test]
+    fn sides_that_hardly_meet_fix_no_crease() {
+        // The sides lean by 2.8 and 2.9 degrees each.
+        let is_fixed = |slope: f64| {
+            roof_with(slope, 40, &crease()).run(|zone| zone.project(2.0 * DVec3::X, v(42), v(43))).is_some()
+        };
+        assert!(is_fixed(0.051) && !is_fixed(0.049));
+    }
+
+    #[test]
+    fn projection_follows_curved_fits() {
+        // Both sides bend down along the crease: it runs through (x, 0, -x²/10).
+        let side = |slope: f64| Fit {
+            frame: [DVec3::X, DVec3::Y, DVec3::Z],
+            coefficients: [0.0, 0.0, slope, -0.2, 0.0, 0.0],
+            ..Fit::plane(DVec3::ZERO, DVec3::Z, FitSource::Region)
+        };
+        let scene = roof().with_fit(0..20, &side(1.0)).with_fit(20..40, &side(-1.0));
+        let to = scene.run(|zone| zone.project(dvec3(1., 0., 0.), v(41), v(42))).unwrap();
+        assert!(to.y.abs() < 1e-12 && (to.z + to.x * to.x / 10.0).abs() < 1e-6, "{to}");
+    }
+
+    fn respaced(scene: &Scene, vert: usize) -> Option<(f64, [f64; 3])> {
+        scene.run(|zone| zone.try_respace(v(vert))).map(|(gain, to)| (gain, to.to_array()))
+    }
+
+    #[test]
+    fn a_crease_vertex_goes_to_where_its_faces_look_the_right_way() {
+        let tangled = || roof().moved(&[(42, [3.2, 0., 0.])]);
+        let (gain, to) = respaced(&tangled(), 42).unwrap();
+        assert_near(gain, 5.0);
+        assert_eq!(to, [2., 0., 0.]);
+        assert_eq!(respaced(&roof(), 42), None, "nothing to gain");
+        assert_eq!(respaced(&tangled(), 12), None, "an old vertex");
+        assert_eq!(respaced(&tangled().off_feature(), 42), None, "not on its crease");
+        let branched = [crease(), vec![[42, 33]]].concat();
+        let corner = roof_with(1.0, 30, &branched).moved(&[(42, [3.2, 0., 0.])]);
+        assert_eq!(respaced(&corner, 42), None, "a corner");
+    }
+
+    #[test]
+    fn where_the_middle_does_not_do_a_quarter_of_the_way_may() {
+        // Old vertex 12 is beyond the crease: face 11-12-42 is turned over unless 42 is left of 1 + 1 / 1.1.
+        let scene = roof().moved(&[(42, [3.2, 0., 0.]), (12, [2., 0.1, 0.1])]);
+        let (gain, to) = respaced(&scene, 42).unwrap();
+        assert_near(gain, 2.5);
+        assert_eq!(to, [1.5, 0., 0.]);
+    }
+
+    #[test]
+    fn a_respaced_vertex_keeps_its_creases_on_their_fits() {
+        // The middle of 42-43 would be off by half the rise over the square root of two.
+        let with_rise = |z: f64| roof().moved(&[(42, [3.2, 0., 0.]), (43, [3., 0., z])]);
+        assert!(respaced(&with_rise(0.13), 42).is_some());
+        assert_eq!(respaced(&with_rise(0.15), 42), None);
+    }
+
+    type Run = Option<(f64, Vec<usize>, Vec<[f64; 3]>)>;
+
+    fn run(scene: &Scene) -> Run {
+        let (gain, verts, to) = scene.run(|zone| zone.try_run(v(42), v(43)))?;
+        let verts = verts.into_iter().map(Vert::index).collect();
+        Some((gain, verts, to.into_iter().map(|p| p.to_array()).collect()))
+    }
+
+    #[test]
+    fn a_run_is_spaced_evenly_between_its_ends() {
+        let (gain, verts, to) = run(&roof().moved(&[(42, [3.2, 0., 0.])])).unwrap();
+        assert_near(gain, 5.0);
+        assert_eq!(verts, [42, 43]);
+        assert!(to[0].map(f64::round) == [2., 0., 0.] && (to[0][0] - 2.0).abs() < 1e-12, "{to:?}");
+        assert!((to[1][0] - 3.0).abs() < 1e-12, "{to:?}");
+        assert_eq!(run(&roof()), None);
+    }
+
+    fn places(xs: &[(usize, f64)]) -> Scene {
+        roof().moved(&xs.iter().map(|&(v, x)| (v, [x, 0., 0.])).collect::<Vec<_>>())
+    }
+
+    #[test]
+    fn a_run_grows_until_it_gains() {
+        // The ends 41 and 44 of the shortest run have changed places.
+        let (gain, verts, to) = run(&places(&[(41, 4.), (42, 3.), (43, 2.), (44, 1.)])).unwrap();
+        assert_near(gain, 15.0);
+        assert_eq!(verts, [41, 42, 43, 44]);
+        assert_eq!(to, [1., 2., 3., 4.].map(|x| [x, 0., 0.]));
+    }
+
+    #[test]
+    fn a_run_ends_in_corners_and_has_two_vertices_at_least() {
+        // The first vertex of the crease is its end.
+        let first = roof().moved(&[(41, [2.2, 0., 0.])]);
+        assert_eq!(first.run(|zone| zone.try_run(v(40), v(41))).unwrap().1, [41, 42].map(v));
+        // 41 has a third crease; the other end of the shortest run is beyond it.
+        let creases = [crease(), vec![[41, 49]]].concat();
+        let corner = roof_with(1.0, 40, &creases).moved(&[(44, [0.5, 0., 0.])]);
+        assert_eq!(run(&corner).unwrap().1, [42, 43, 44]);
+    }
+
+    #[test]
+    fn a_run_goes_along_a_crease() {
+        // 33 is near where the crease should be.
+        let scene = roof().moved(&[(42, [3.2, 0., 0.]), (33, [3., 0.1, -0.1])]);
+        assert!(scene.run(|zone| zone.try_run(v(42), v(43))).is_some());
+        assert!(scene.run(|zone| zone.try_run(v(42), v(33))).is_none());
+    }
+
+    #[test]
+    fn a_run_of_more_than_six_vertices_stays() {
+        // All runs from 40 on that end in 45 to 47 run backwards, or those that end in 45 and 46 only.
+        let backwards = [(41, 5.), (42, 4.), (43, 3.), (44, 2.), (45, -1.), (46, -2.)];
+        let with = |x: f64| run(&places(&[&backwards[..], &[(47, x), (48, 8.)]].concat()));
+        assert_eq!(with(7.0).unwrap().1, [41, 42, 43, 44, 45, 46]);
+        assert_eq!(with(-3.0), None);
+    }
+}
