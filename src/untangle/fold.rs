@@ -10,9 +10,12 @@ use crate::subset::Subset;
 
 /// An edge with a larger dihedral angle is a fold, in radians: 150 degrees.
 pub(super) const FOLD_ANGLE: f64 = 150.0 * std::f64::consts::PI / 180.0;
-/// A flip must lower the largest of the five dihedral angles by this, in radians: 1 degree.
+/// A flip must lower the largest of the five dihedral angles by this, in radians: 1 degree. Half and double change
+/// nothing on 251 inputs; at 0, where a fold may become another one as sharp, 12 change, as many folds come as go, and
+/// a star's largest error grows 30 times.
 const MIN_FALL: f64 = std::f64::consts::PI / 180.0;
-/// Twice the area of a new triangle over the square of its longest side: less is a sliver.
+/// Twice the area of a new triangle over the square of its longest side: less is a sliver. The angles of a sliver are
+/// rounding. Half and double change none of 251 inputs by more than 1 %, 0 two of them, with three folds fewer.
 const MIN_SHAPE: f64 = 0.005;
 /// Each round uncovers what the flips before it did; few edges are left after the first.
 const ROUNDS: usize = 4;

@@ -8,21 +8,28 @@ use glam::DVec3;
 use super::{CREASE_TOLERANCE, Energy, FACE_TOLERANCE, MIN_GAIN, UntangleCounts, Zone};
 use crate::mesh::{Face, Vert};
 
-/// Two corners joined by a crease edge shorter than this (in mean edge lengths) may merge.
+/// Two corners joined by a crease edge shorter than this (in mean edge lengths) may merge: what should be one apex of
+/// a pyramid may have become two. Half and double change nothing on 251 inputs; without, 21 change, and
+/// the largest errors of seven pyramids and icosahedra grow 60 times and more.
 const CORNER_MERGE: f64 = 0.25;
-/// Going back towards the middle is the last resort: it must gain this much ...
+/// Going back towards the middle is the last resort, as it takes a vertex off its feature: it must gain this much,
+/// more than one sliver is worth. At 0.001 the largest errors of ten among 251 inputs grow 3 to 96 times; at 1 ten
+/// change, L2 of three falls by 2 to 6 %, but a fandisk and a scanned wedge cut themselves in two and four places more;
+/// at 0.25 four change, by less than 1 % ...
 const BACK_GAIN: f64 = 0.5;
-/// ... and going further than a part of the way must gain this much more.
+/// ... and going further than a part of the way must gain this much more. No more than a tie-break: half and double
+/// change 5 of 251 inputs, at 0 five, some for better and some for worse.
 const FURTHER_BACK_GAIN: f64 = 0.25;
-/// Shares of the way back to the middle that are tried, the shortest first.
+/// Shares of the way back to the middle that are tried, the shortest first: with halves alone L2 of four
+/// stars and icosahedra grows by 20 to 40 %; with eighths it falls by 5 to 9 % on as many, but six folds come.
 const BACK_SHARES: [f64; 4] = [0.25, 0.5, 0.75, 1.0];
 /// Energies that differ by less are equal.
 const ROUNDING: f64 = 1e-9;
 /// Gains are compared in this many parts of one bad face's energy: a thousandth of what an operation must gain, a
 /// thousand times what rounding makes of a sum, so that ties are ties on every machine.
 const GAIN_PARTS: f64 = 1e6;
-/// A face that is off its fit may become so many times as far off: on a crease vertex that slides along its fit,
-/// rounding alone says farther.
+/// A face that is off its fit may become so many times as far off: where its farthest corner stays, rounding is no
+/// reason to refuse. At 1 nothing changes on 31 inputs, at 1.01 two hardly do.
 const RESIDUAL_SLACK: f64 = 1.0001;
 
 /// What to do about a bad face.

@@ -18,16 +18,24 @@ use crate::fit::Fit;
 use crate::geometry::{Plane, nearest_on_both};
 use crate::mesh::{Face, Vert};
 
-/// A crease vertex may be projected onto its crease from at most this far (in mean edge lengths).
+/// A crease vertex may be projected onto its crease from at most this far (in mean edge lengths), as a fit says nothing
+/// about what is far from it. Half changes 4 of 251 inputs, of which a thin plate's largest error grows by a fifth;
+/// double none.
 const MAX_PROJECTION: f64 = 0.25;
-/// The planes of two fits with a smaller sine between them do not fix a crease: 6 degrees.
+/// The planes of two fits with a smaller sine between them do not fix a crease: 6 degrees. No chamfer has less than
+/// some 35, so that only curvature along the crease can bring fits that near: half and double change nothing on 251
+/// inputs.
 const MIN_CREASE_SINE: f64 = 0.1;
-/// Steps of projection onto the fits' planes below the point that the step before found: each squares the error, and
-/// the first starts within `MAX_PROJECTION`.
+/// Steps of projection onto the planes of the fits below the point that the step before found: each about squares the
+/// error, and the first starts within `MAX_PROJECTION`. One, two and six change a third of 251 inputs, none
+/// by more than 1 %.
 const PROJECTION_STEPS: usize = 3;
-/// A run of at most this many crease vertices is spaced anew at once.
+/// A run of at most this many crease vertices is spaced anew at once: at 3 the largest errors of three pyramids and
+/// wedges grow by half and more; at 12 a star has 13 more turned faces.
 const LONGEST_RUN: usize = 6;
-/// Where between its neighbours a crease vertex may go, as shares of the way: the middle first, which wins a tie.
+/// Where between its neighbours a crease vertex may go, as shares of the way: the middle first, which wins a tie. The
+/// middle alone changes 50 of 251 inputs and eighths 38, but only three and two of them by more than 1 %: a star cuts
+/// itself in four places more, icosahedra lose 3 % of L2.
 const SHARES: [f64; 3] = [0.5, 0.25, 0.75];
 
 impl Zone<'_, '_, '_> {
