@@ -159,11 +159,17 @@ class Runs:
         self.commands[name] = once
 
     def measure(self, rounds):
-        """Run everything that was not yet run in turn, so many rounds."""
+        """Run everything that was not yet run in turn, so many rounds.
+
+        Each run follows one of the same command that does not count: it finds
+        memory and page cache as that has left them. Behind another command a run
+        may wait for memory that the system has taken back meanwhile.
+        """
         new = {name: once for name, once in self.commands.items() if name not in self.figures}
         for round_ in range(rounds):
             for name, once in new.items():
                 print(f"\rround {round_ + 1} of {rounds}: {name:40}", end="", file=sys.stderr)
+                once()
                 self.figures.setdefault(name, []).append(once())
         print(file=sys.stderr)
 
