@@ -260,8 +260,7 @@ mod tests {
         // Samples 0.06 above the plane z = x / 2, along z; the fits begin two columns on.
         let slope = |fit: &mut Fit| {
             let [t1, t2, _] = fit.frame;
-            (fit.origin, fit.coefficients[1], fit.coefficients[2]) = (DVec3::ZERO, 0.5 * t1.x, 0.5 * t2.x);
-            fit.coefficients[0] = 0.0;
+            (fit.coefficients[0], fit.coefficients[1], fit.coefficients[2]) = (0.0, 0.5 * t1.x, 0.5 * t2.x);
             fit.normal = dvec3(-0.5, 0.0, 1.0).normalize();
             fit.origin = dvec3(5.0, 0.0, 2.5);
         };
