@@ -370,7 +370,7 @@ mod tests {
         edit.collapse(v(1), v(6));
         let edited = edit.finish(&m, &inserts, |v| v).unwrap();
         // The inserted vertex 6 takes the slot of 0, and nobody that of 1.
-        assert_eq!(edited.replaced, [v(0)]);
+        assert_eq!(edited.replaced, [v(0), v(1)]);
         assert_eq!((edited.mesh.n_verts(), edited.mesh.point(v(0))), (6, m.point(v(6))));
         assert_eq!(edited.now.as_slice(), [0, 0, 2, 3, 4, 5, 0].map(v));
         assert!(edited.mesh.leaving(v(1)).is_empty() && !edited.mesh.faces().is_empty());

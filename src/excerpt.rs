@@ -50,7 +50,7 @@ pub(crate) struct Rejoined {
     pub mesh: Mesh,
     /// Where its faces come from, if that was asked for.
     pub lineage: Option<Lineage>,
-    /// Old vertices that were collapsed, ascending. An inserted vertex stands in the slot of each.
+    /// Old vertices that were collapsed, ascending. Inserted vertices stand in their slots, as far as there are any.
     pub replaced: Vec<Vert>,
     pub now: Now,
 }

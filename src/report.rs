@@ -135,8 +135,8 @@ pub struct Report {
     /// What became of folds and slivers, where untangling ran.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub untangled: Option<UntangleCounts>,
-    /// Old vertices that were collapsed and whose index an inserted vertex has taken. Where more were collapsed than
-    /// inserted ones are left, the others stay without a face.
+    /// Old vertices that were collapsed. Inserted vertices have taken their indices, the lowest first; where more were
+    /// collapsed than inserted ones are left, the others stay without a face.
     pub replaced_vertices: Vec<usize>,
     /// How the new vertices of each level of bending were placed.
     #[serde(skip_serializing_if = "Vec::is_empty")]

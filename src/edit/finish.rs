@@ -31,7 +31,7 @@ pub(crate) struct Edited {
     pub lineage: Lineage,
     /// For each vertex before the edits, the vertex that it is now, or was collapsed into. `[V]`
     pub now: PerVert<Vert>,
-    /// Old vertices that were collapsed, ascending. An inserted vertex stands in the slot of each.
+    /// Old vertices that were collapsed, ascending. Inserted vertices stand in their slots, as far as there are any.
     pub replaced: Vec<Vert>,
 }
 
@@ -96,24 +96,22 @@ impl Edit<'_> {
         piece
     }
 
-    /// New indices `[V]`, the old vertices that are gone and whose slots inserted ones took, and the points in their
-    /// new order. Where more old vertices are gone than inserted ones stand, the others stay as they were, without a
-    /// face: no index shifts.
+    /// New indices `[V]`, the old vertices that are gone, and the points in their new order. Inserted vertices take the
+    /// slots of those that are gone, the lowest ones first; where more are gone than inserted ones stand, the others
+    /// stay as they were, without a face: no index shifts.
     fn compact_verts(&self) -> (PerVert<Vert>, Vec<Vert>, Vec<DVec3>) {
         let n_verts = self.refined.mesh.n_verts();
         let stands = |v: &Vert| self.vert_stands(*v);
         let gone_old: Vec<Vert> = (0..self.n_old).map(Vert::new).filter(|v| !stands(v)).collect();
         let mut inserted: Vec<Vert> = (self.n_old..n_verts).map(Vert::new).filter(stands).collect();
         let movers = inserted.split_off(inserted.len().saturating_sub(gone_old.len()));
-        let mut replaced = gone_old;
-        replaced.truncate(movers.len());
 
         let mut now = PerVert::filled(n_verts, Vert::NONE);
         let mut points = self.points.as_slice()[..self.n_old].to_vec();
         for v in (0..self.n_old).map(Vert::new).filter(stands) {
             now[v] = v;
         }
-        for (&slot, &v) in replaced.iter().zip(&movers) {
+        for (&slot, &v) in gone_old.iter().zip(&movers) {
             now[v] = slot;
             points[slot.index()] = self.point(v);
         }
@@ -134,7 +132,7 @@ impl Edit<'_> {
                 next = self.into[next];
             }
         }
-        (now, replaced, points)
+        (now, gone_old, points)
     }
 }
 
