@@ -47,6 +47,7 @@ pub mod place;
 pub mod refine;
 pub mod regions;
 pub mod report;
+mod rings;
 pub mod stencil;
 mod subset;
 pub mod tags;

@@ -123,12 +123,6 @@ pub struct RegionLabels {
 }
 
 impl RegionLabels {
-    /// Whether the edge of `h` is a chamfer edge.
-    #[must_use]
-    pub fn is_chamfer(&self, mesh: &Mesh, h: Half) -> bool {
-        self.chamfers.binary_search(&mesh.edge(h)).is_ok()
-    }
-
     /// The chamfer edges as flags on both half-edges. `[3F]`
     pub(crate) fn chamfer_edge(&self, mesh: &Mesh) -> PerHalf<bool> {
         let mut flags = PerHalf::filled(mesh.n_halves(), false);

@@ -18,6 +18,7 @@ use rayon::prelude::*;
 
 use super::{Labels, chord_squared};
 use crate::mesh::{Mesh, PerFace, Vert};
+use crate::rings::collect_rings;
 
 /// Edges that bend by less than this are no chamfers (those of the least crease bend by half of 35 degrees), and are
 /// smooth where all edges round them are: 8 degrees, in radians.
@@ -47,7 +48,7 @@ const RIDGE: f64 = 1e-9;
 /// with a hole .0206 -> .0088, of a coarse one .0665 -> .0221). With a larger threshold for all edges, slanted vertices of
 /// chamfers count as smooth too, and a wedge has 8 times the error.
 pub(super) fn add_calm_vertices(mesh: &Mesh, normals: &PerFace<DVec3>, labels: &mut Labels) {
-    if labels.threshold >= CALM_ANGLE.max(EVEN_ANGLE) {
+    if labels.threshold >= EVEN_ANGLE {
         return;
     }
     let chord = |angle: f64| (2.0 * (0.5 * angle).sin()).powi(2);
@@ -56,16 +57,17 @@ pub(super) fn add_calm_vertices(mesh: &Mesh, normals: &PerFace<DVec3>, labels: &
         if labels.threshold >= angle {
             continue;
         }
-        let bends_less = |&&(_, steepest): &&(Vert, f64)| steepest < chord(angle);
-        let mut is_calm = labels.interior_vertex.clone();
-        candidates.iter().filter(bends_less).for_each(|&(v, _)| is_calm[v] = true);
-        let is_inside = |v: Vert| mesh.leaving(v).iter().all(|&h| is_calm[mesh.to(h)]);
-        let counts = |ring: &mut Vec<Vert>, &(v, steepest): &(Vert, f64)| {
-            let is_calm = steepest < chord(angle) && !labels.interior_vertex[v] && is_inside(v);
-            (is_calm && (!has_to_be_even || is_even(mesh, normals, v, ring))).then_some(v)
+        let interior = &mut labels.interior_vertex;
+        let bends_less = |&&(v, steepest): &&(Vert, f64)| steepest < chord(angle) && !interior[v];
+        let calm: Vec<Vert> = candidates.iter().filter(bends_less).map(|&(v, _)| v).collect();
+        let mut is_calm = interior.clone();
+        calm.iter().for_each(|&v| is_calm[v] = true);
+        let counts = |ring: &mut Vec<Vert>, &v: &Vert| {
+            mesh.leaving(v).iter().all(|&h| is_calm[mesh.to(h)])
+                && (!has_to_be_even || is_even(mesh, normals, v, ring))
         };
-        let added: Vec<Option<Vert>> = candidates.par_iter().map_init(Vec::new, counts).collect();
-        added.into_iter().flatten().for_each(|v| labels.interior_vertex[v] = true);
+        let counts: Vec<bool> = calm.par_iter().map_init(Vec::new, counts).collect();
+        calm.iter().zip(counts).filter(|(_, counts)| *counts).for_each(|(&v, _)| interior[v] = true);
     }
 }
 
@@ -92,7 +94,7 @@ fn candidates(mesh: &Mesh, normals: &PerFace<DVec3>, labels: &Labels, limit: f64
 
 /// Whether a quadric passes through `v` and the samples round it. `ring` is working space.
 fn is_even(mesh: &Mesh, normals: &PerFace<DVec3>, v: Vert, ring: &mut Vec<Vert>) -> bool {
-    collect_rings(mesh, v, ring);
+    collect_rings(v, RINGS, MAX_SAMPLES, |v| mesh.leaving(v).iter().map(|&h| mesh.to(h)), ring);
     let leaving = mesh.leaving(v);
     let up: DVec3 = leaving.iter().map(|h| normals[h.face()]).sum();
     let unit = leaving.iter().map(|&h| mesh.length(h)).sum::<f64>() / leaving.len() as f64;
@@ -116,27 +118,6 @@ fn is_even(mesh: &Mesh, normals: &PerFace<DVec3>, v: Vert, ring: &mut Vec<Vert>)
     // What the best quadric leaves is what it is at right angles to.
     let left = squares - factors.solve(&right).dot(&right);
     left <= EVEN_RMS * EVEN_RMS * ring.len() as f64
-}
-
-/// Puts `v` and the vertices of [`RINGS`] rings round it into `ring`, ring by ring.
-fn collect_rings(mesh: &Mesh, v: Vert, ring: &mut Vec<Vert>) {
-    ring.clear();
-    ring.push(v);
-    let mut start = 0;
-    for _ in 0..RINGS {
-        let last = start..ring.len();
-        start = ring.len();
-        for i in last {
-            for &h in mesh.leaving(ring[i]) {
-                if ring.len() >= MAX_SAMPLES {
-                    return;
-                }
-                if !ring.contains(&mesh.to(h)) {
-                    ring.push(mesh.to(h));
-                }
-            }
-        }
-    }
 }
 
 #[cfg(test)]

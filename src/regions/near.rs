@@ -9,6 +9,7 @@ use rayon::prelude::*;
 use super::patch::REACH_IN_REGION;
 use super::surface::{CHUNK, Surface, corners_beside, neighbours};
 use crate::mesh::{Mesh, PerVert, Vert};
+use crate::rings::collect_rings;
 
 /// Width of a cell in mean edge lengths: some ten vertices of a surface lie in one.
 const CELL: f64 = 3.0;
@@ -59,8 +60,7 @@ impl Near {
     }
 
     /// Puts into `found` the vertex with the number `centre` and those so many `rings` round it that belong, by their
-    /// numbers, ring by ring and at most `max`; those that do not belong lead nowhere. Takes time in the square of
-    /// what it finds.
+    /// numbers, as [`collect_rings`] does; those that do not belong lead nowhere.
     pub fn collect_rings(
         &self,
         centre: u32,
@@ -69,23 +69,8 @@ impl Near {
         belongs: impl Fn(u32) -> bool,
         found: &mut Vec<u32>,
     ) {
-        found.clear();
-        found.push(centre);
-        let mut ring_start = 0;
-        for _ in 0..rings {
-            let ring = ring_start..found.len();
-            ring_start = found.len();
-            for i in ring {
-                for &w in self.neighbours(found[i]) {
-                    if found.len() >= max {
-                        return;
-                    }
-                    if belongs(w) && !found.contains(&w) {
-                        found.push(w);
-                    }
-                }
-            }
-        }
+        let around = |i| self.neighbours(i).iter().copied().filter(|&w| belongs(w));
+        collect_rings(centre, rings, max, around, found);
     }
 }
 

@@ -95,7 +95,8 @@ impl Zone<'_, '_, '_> {
             let mut sorted = run.clone();
             sorted.sort_unstable();
             sorted.dedup();
-            if sorted.len() != run.len() || !inner.iter().all(|&v| self.is_along_crease(v)) {
+            // Those inside are along the crease, or the run would have ended there.
+            if sorted.len() != run.len() {
                 return None;
             }
             if inner.len() > 1
