@@ -139,8 +139,8 @@ fn collapse(edit: &mut Edit<'_>, gone: Vert, kept: Vert) -> bool {
         let before = edit.triangle(f);
         let after = edit.corners(f).map(|v| edit.point(if v == gone { kept } else { v }));
         let [n, m] = [before, after].map(|[a, b, c]| (b - a).cross(c - a));
-        let is_good = inner_angles(before).into_iter().all(|angle| angle >= MIN_ANGLE);
-        is_good && n.dot(m) < MIN_TURN_COSINE * n.length() * m.length()
+        let is_good = || inner_angles(before).into_iter().all(|angle| angle >= MIN_ANGLE);
+        n.dot(m) < MIN_TURN_COSINE * n.length() * m.length() && is_good()
     };
     if edit.faces_at(gone).iter().copied().filter(|f| !beside.contains(f)).any(turns_over) {
         return false;

@@ -141,25 +141,27 @@ impl Zone<'_, '_, '_> {
         let least_shape = faces.iter().map(|&f| shape(self.edit.triangle(f))).fold(MIN_SHAPE, f64::min);
         let mut best: Option<(f64, Vert)> = None;
         for kept in self.edit.link(v) {
-            if self.try_collapse(v, kept, true).is_none() {
-                continue;
-            }
             let stay = || faces.iter().copied().filter(|&f| !self.edit.has_corner(f, kept));
             let corners = |f: Face| self.edit.corners(f).map(|w| if w == v { kept } else { w });
             let triangle = |f: Face| corners(f).map(|w| self.edit.point(w));
             let new_shape = stay().map(|f| shape(triangle(f))).fold(f64::INFINITY, f64::min);
-            let heights = stay().filter_map(|f| self.height_over_crease(corners(f)));
-            let lowest = heights.map(|(height, _)| height).fold(f64::INFINITY, f64::min);
+            let stays_low = || {
+                stay()
+                    .filter_map(|f| self.height_over_crease(corners(f)))
+                    .any(|(new, _)| new < MIN_RISE * height)
+            };
+            if new_shape < least_shape || stays_low() {
+                continue;
+            }
             let off = stay().map(|f| self.middles_off_fit(triangle(f), f)).fold(0.0, f64::max);
             let gap = stay().map(|f| distance_to_triangle(point, triangle(f))).fold(f64::INFINITY, f64::min);
             let gap = gap / self.context.mean_edge;
-            let is_fit = new_shape >= least_shape
-                && lowest >= MIN_RISE * height
-                && off <= limit(middles)
-                && gap <= limit(own)
-                && !self.would_fold(v, kept, &faces);
+            let is_fit = off <= limit(middles) && gap <= limit(own) && !self.would_fold(v, kept, &faces);
             let value = new_shape - OFF_WEIGHT * (gap + off);
-            if is_fit && best.is_none_or(|(most, _)| value > most) {
+            if is_fit
+                && best.is_none_or(|(most, _)| value > most)
+                && self.try_collapse(v, kept, true).is_some()
+            {
                 best = Some((value, kept));
             }
         }

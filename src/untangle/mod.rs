@@ -145,7 +145,7 @@ impl<'z, 'c, 'm> Zone<'z, 'c, 'm> {
         let mut is_inner = PerVert::filled(mesh.n_verts(), false);
         children.iter().flat_map(|&f| mesh.corners(f)).for_each(|v| is_inner[v] = true);
         let has_inner = |f: &Face| mesh.corners(*f).into_iter().any(|v| is_inner[v]);
-        let faces: Vec<Face> = mesh.face_ids().filter(has_inner).collect();
+        let faces: Vec<Face> = (0..mesh.n_faces()).into_par_iter().map(Face::new).filter(has_inner).collect();
         let mut slot = PerFace::filled(mesh.n_faces(), OUTSIDE);
         for (i, &f) in faces.iter().enumerate() {
             slot[f] = i as u32;
@@ -252,19 +252,16 @@ impl<'z, 'c, 'm> Zone<'z, 'c, 'm> {
     /// only into the crease.
     fn collapse_short_edges(&mut self, counts: &mut UntangleCounts) {
         let limit = (SHORT_EDGE * self.context.mean_edge).powi(2);
-        let mut short: Vec<(u64, Vert, Vert)> = Vec::new();
-        for &f in &self.faces {
-            let t = self.edit.corners(f);
-            for i in 0..3 {
-                let (a, b) = (t[i].min(t[(i + 1) % 3]), t[i].max(t[(i + 1) % 3]));
-                let length = self.length_squared(a, b);
-                let counts =
-                    || self.is_crease(a, b) || (!self.edit.is_inserted(a) && self.edit.is_inserted(b));
-                if length < limit && counts() {
-                    short.push((length.to_bits(), a, b)); // Not negative: the bits order as the lengths do.
-                }
-            }
-        }
+        let short_side = |t: [Vert; 3], i: usize| {
+            let (a, b) = (t[i].min(t[(i + 1) % 3]), t[i].max(t[(i + 1) % 3]));
+            let length = self.length_squared(a, b);
+            let counts = || self.is_crease(a, b) || (!self.edit.is_inserted(a) && self.edit.is_inserted(b));
+            // Not negative: the bits order as the lengths do.
+            (length < limit && counts()).then(|| (length.to_bits(), a, b))
+        };
+        let short_sides =
+            |&f: &Face| [0, 1, 2].map(|i| short_side(self.edit.corners(f), i)).into_iter().flatten();
+        let mut short: Vec<(u64, Vert, Vert)> = self.faces.par_iter().flat_map_iter(short_sides).collect();
         short.sort_unstable();
         short.dedup();
         for (_, a, b) in short {
