@@ -12,7 +12,7 @@
 //! an inserted vertex count (the user's own slivers stay); a collapse must keep the surface a surface and
 //! must not turn a good face over (Paper silent).
 //! In/out: edits the refined mesh in place; says how many faces were mended and how many left.
-//! Cost: O(faces at inserted vertices), up to [`MAX_ROUNDS`] times.
+//! Cost: O(faces at inserted vertices), up to 20 times.
 
 use glam::DVec3;
 use rayon::prelude::*;

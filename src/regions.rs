@@ -24,7 +24,7 @@
 //!    (`anchor.rs`); tips of cones (`apex.rs`).
 //!
 //! Based on: nothing in the papers but their smooth edges; it replaces filters 1 to 6.
-//! Differs: a patch has at most [`patch::MAX_MEMBERS`] vertices; interior vertices keep to their own region.
+//! Differs: a patch has at most 1024 vertices; interior vertices keep to their own region.
 //! In/out: `Mesh` + face normals `[F]` + `Labels` (smooth edges, interior vertices) -> `RegionLabels`.
 //! Cost: O(V) plus some 10 microseconds per doubtful vertex, in parallel.
 

@@ -1,4 +1,7 @@
 //! Collects what lies round an element ring by ring, however its neighbours are told.
+//!
+//! In/out: an element and a way to ask for neighbours -> those so many rings round it, itself first.
+//! Cost: O(found²) comparisons in one short list: cheaper than a set for the few dozen that rings hold.
 
 /// Puts `centre` into `found` and what is at most so many `rings` away from it, ring by ring, each once and at most
 /// `max` in all; `around` gives the neighbours of each. Takes time in the square of what it finds.

@@ -3,7 +3,7 @@
 //! Based on: Sharpen&Bend section 4.1.
 //! Differs: strictly, every edge between two tagged vertices is sharp, which tags smooth surfaces (200
 //! edges of a sphere); by default only edges at inserted vertices, and old edges that filter 3bis found,
-//! where the surface bends by at least [`MIN_SHARP_ANGLE`] in the end.
+//! where the surface bends by at least `MIN_SHARP_ANGLE` in the end.
 //! In/out: the cleaned mesh and what is tagged -> `Tags`.
 //! Cost: O(edges at tagged vertices).
 
@@ -59,7 +59,7 @@ impl Tags {
         Self { sharp: in_order(sharp), tagged: tagged.iter().collect() }
     }
 
-    /// Those of `candidates` that are edges of `mesh` and bend it by at least [`MIN_SHARP_ANGLE`]. An
+    /// Those of `candidates` that are edges of `mesh` and bend it by at least `MIN_SHARP_ANGLE`. An
     /// edge without an angle (a border, a face without area) keeps its tag.
     #[must_use]
     pub fn where_bent(mesh: &Mesh, candidates: impl IntoIterator<Item = [Vert; 2]>) -> Self {

@@ -1,4 +1,13 @@
 //! The normal equations of a fit: sums over its samples, and their solution.
+//!
+//! ```text
+//!   z = c0 + c1 x + c2 y + c3 x²/2 + c4 x y + c5 y²/2        each sample gives three equations: its height,
+//!   p = c1 + c3 x + c4 y,   q = c2 + c4 x + c5 y             and the slopes p and q of its normal
+//! ```
+//!
+//! Based on: nothing in the papers; weighted linear least squares, solved by Cholesky's factors.
+//! In/out: local samples, in h -> six coefficients and the root mean square of what they leave.
+//! Cost: O(samples), one pass; some 40 sums for a quadric, 12 for a plane.
 
 use glam::DVec3;
 use nalgebra::{SMatrix, SVector};

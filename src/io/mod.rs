@@ -153,7 +153,7 @@ pub fn write<'a>(path: &Path, view: impl Into<View<'a>>) -> Result<(), Error> {
     write_as(path, view, Format::of(path)?)
 }
 
-/// Writes a mesh to the file `path` as [`write`] does, whatever its name.
+/// Writes a mesh to the file `path` as [`write()`] does, whatever its name.
 ///
 /// # Errors
 /// When the file system refuses.
@@ -230,7 +230,7 @@ fn is_stream(path: &Path) -> bool {
     path == Path::new("-")
 }
 
-/// Gives the file `path` the content `bytes` in one step, as [`write`] does.
+/// Gives the file `path` the content `bytes` in one step, as [`write()`] does.
 ///
 /// # Errors
 /// When the file system refuses.

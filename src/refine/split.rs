@@ -100,9 +100,9 @@ pub(crate) struct Split {
     pub starts: Vec<u32>,
     /// ... and the children.
     pub children: Vec<Child>,
-    /// As in [`Refined`].
+    /// As in [`Refined`](super::Refined).
     pub creases: Vec<[Vert; 2]>,
-    /// As in [`Refined`].
+    /// As in [`Refined`](super::Refined).
     pub middles: Vec<DVec3>,
 }
 

@@ -1,4 +1,15 @@
 //! Which chamfers to believe (steps 8, 8b and 9): do no harm.
+//!
+//! ```text
+//!     b---b---b              b---b        Edges that share a triangle make a strip. It stands or falls as one:
+//!    / \ / \ / \     ...    / \ / \       single edges are too noisy to judge, and half a strip would end in a
+//!   b---b---b---b          b---b---b      spike.
+//! ```
+//!
+//! Based on: nothing in the papers, which believe every blue edge.
+//! In/out: the fits and the candidate edges -> strips with a fate each, the strip of each candidate, the noise of the
+//! samples, and whether they are off the surface.
+//! Cost: O(candidates), serial, and a selection among the fits for their median.
 
 use std::collections::BTreeMap;
 

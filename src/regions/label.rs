@@ -1,5 +1,9 @@
 //! Which of several fits explains a vertex best, and what explains vertices that no region does (step 6, second pass and
 //! late adoption).
+//!
+//! Based on: nothing in the papers but their plane of the red faces (Sharpen&Bend section 3.3), the first guess.
+//! In/out: `Surface` + fits -> more fits, with their source: red faces, leftovers, a neighbour's; far labels go.
+//! Cost: O(vertices without a fit), each with up to [`LEFTOVER_MAX`] others round it, in parallel.
 
 use rayon::prelude::*;
 

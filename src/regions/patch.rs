@@ -1,4 +1,15 @@
 //! The smooth regions in the neighbourhood of one doubtful vertex (step 3).
+//!
+//! ```text
+//!   N---N---N . . M---M      N, M  the clusters of the patch of v: members of regions that edges join within it
+//!   | / | /  .  v  . \ |      .   doubtful vertices, over which the search goes on
+//!   N---N . . . . . . M      Parts of a region that are joined only beyond the patch are two clusters: a thin plate has
+//!                            two sides, however they meet elsewhere.
+//! ```
+//!
+//! Based on: nothing in the papers.
+//! In/out: `Surface`, a set of regions and a vertex -> clusters, the nearest first.
+//! Cost: O(vertices of the patch), at most [`MAX_MEMBERS`]; no allocation once the lists have grown.
 
 use std::ops::Range;
 

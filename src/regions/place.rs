@@ -1,4 +1,16 @@
 //! Where new vertices go: to where fits meet (steps 10 and 11).
+//!
+//! ```text
+//!   N  `-.        .-'  M      m  the middle of the chamfer edge a-b
+//!   ------a--_m_--b------     x  the nearest point to m that lies on both fits: Newton steps on their tangent planes,
+//!           `-x-'                as a fit may be curved
+//! ```
+//!
+//! Based on: Sharpen&Bend section 3.3 (planes through the ends of an edge, or the corners of a triangle, intersect).
+//! Differs: fits instead of planes at the samples; corners of four regions are solved for all of them; a limit for how
+//! far a vertex may go, tighter where a fit is a guess.
+//! In/out: the mesh and its `RegionLabels` -> `Placement`: a point and an outcome for each chamfer edge and corner.
+//! Cost: O(chamfer edges), in parallel.
 
 mod corners;
 

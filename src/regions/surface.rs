@@ -1,5 +1,11 @@
 //! What all steps read of the mesh, and which of its vertices are interior, deep or doubtful (steps 1
 //! and 2).
+//!
+//! Based on: Sharpen&Bend section 3.1, filters 1 and 2 (smooth edges, red vertices), whose flood gives the red faces.
+//! Differs: regions of fewer than [`MIN_REGION`] vertices are none; deep vertices; what is far from any bend is not
+//! doubted.
+//! In/out: `Mesh` + face normals `[F]` + `Labels` -> `Surface`.
+//! Cost: O(V + F) in parallel but for the floods, and what `near.rs` costs.
 
 use glam::DVec3;
 use rayon::prelude::*;

@@ -1,4 +1,8 @@
 //! How well the recovered creases and corners are supported, and what was left alone and why.
+//!
+//! Based on: nothing in the papers.
+//! In/out: the mesh, its `RegionLabels` and the `Placement` -> `Verdict`, the longest creases first.
+//! Cost: O(V) to look for what is beyond reach, O(candidates) for the rest, in parallel but for the grouping.
 
 use std::collections::BTreeMap;
 

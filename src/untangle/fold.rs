@@ -1,4 +1,16 @@
 //! Flips edges along which the surface still folds back onto itself.
+//!
+//! ```text
+//!       c             c         f = a b c is turned over onto g = b a d: its edge a-b has a dihedral angle of more than
+//!      / \           /|\        150 degrees. The flip is done if the largest of the five angles round it falls.
+//!     a---b    ->   a | b
+//!      \ /           \|/
+//!       d             d
+//! ```
+//!
+//! Based on: nothing in the papers.
+//! In/out: edits faces of the zone.
+//! Cost: O(faces of the zone) to find folds, in parallel; up to [`ROUNDS`] rounds over what is left.
 
 use glam::DVec3;
 use rayon::prelude::*;

@@ -17,7 +17,7 @@
 //! Based on: nothing in the papers, whose clean-up only looks at angles below 1 degree.
 //! In/out: edits the refined mesh in place, in the *zone* only: the faces at vertices of split faces.
 //! Old vertices may be collapsed there, never moved.
-//! Cost: O(bad faces) per round, at most [`MAX_ROUNDS`] rounds.
+//! Cost: O(bad faces) per round, at most 20 rounds.
 
 mod cross;
 mod fold;
