@@ -7,6 +7,7 @@ use std::path::Path;
 
 use common::{chamfered_cube, sphere, zoo};
 use glam::DVec3;
+use sharpen::bend::{BendOptions, bend};
 use sharpen::classify::SmoothThreshold;
 use sharpen::mesh::Vert;
 use sharpen::place::Outcome;
@@ -57,6 +58,24 @@ fn a_cube_gets_its_edges_and_corners_back() {
         assert_eq!(bits(&sharpened.mesh.points()[..cube.n_verts()]), bits(cube.points()));
         assert!(sharpened.mesh.halves().all(|h| !sharpened.mesh.is_border(h)));
         assert_eq!(euler(&sharpened.mesh), 2);
+    }
+}
+
+#[test]
+fn an_open_box_keeps_no_chamfer_at_its_border() {
+    let (points, mut faces) = chamfered_cube(8, 0.9).into_parts();
+    faces.retain(|f| f.iter().all(|v| points[v.index()].z < 0.3));
+    let open = Mesh::new(points, faces).unwrap();
+    let sharpened = run(&open, Method::Regions);
+    // Every face lies in one of the five sides.
+    for normal in sharpened.mesh.face_normals().as_slice() {
+        assert!((normal.abs().max_element() - 1.0).abs() < 1e-9, "{normal}");
+    }
+    let n_borders = |mesh: &Mesh| mesh.halves().filter(|&h| mesh.is_border(h)).count();
+    assert_eq!(n_borders(&sharpened.mesh), n_borders(&open) + 4, "one new vertex for each crease");
+    let bent = bend(&sharpened.mesh, &sharpened.tags, &BendOptions::default()).unwrap().mesh;
+    for normal in bent.face_normals().as_slice() {
+        assert!((normal.abs().max_element() - 1.0).abs() < 1e-9, "bent {normal}");
     }
 }
 
