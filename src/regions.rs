@@ -52,7 +52,7 @@ use rayon::prelude::*;
 use crate::classify::Labels;
 use crate::fit::{Fit, FitSource};
 use crate::geometry::unit_normal;
-use crate::mesh::{Face, Half, Mesh, PerFace, PerHalf, PerVert, Vert};
+use crate::mesh::{Face, Half, Mesh, PerFace, PerHalf, PerVert, Vert, has_repeated_vertex};
 use crate::refine::Knots;
 
 pub use apex::Apex;
@@ -286,8 +286,8 @@ fn label_vertices(surface: &Surface) -> (VertexFits, f64) {
 
 /// Step 7: edges whose ends' fits, evaluated at the edge's middle, disagree. Taking both fits to the same point
 /// removes the angle that curvature explains. Edges of the border count, so that creases reach it: else a chamfer
-/// stays at every end of one (scans with holes lose up to two fifths of L2); edges of three faces or more do not. As
-/// lower half-edges, ascending.
+/// stays at every end of one (scans with holes lose up to two fifths of L2); edges of three faces or more, and
+/// of faces that name a vertex twice, do not. As lower half-edges, ascending.
 fn chamfer_edges(surface: &Surface, fits: &VertexFits) -> Vec<Half> {
     let Surface { mesh, h, interior, red_face, .. } = surface;
     let is_chamfer = |&half: &Half| {
@@ -301,6 +301,10 @@ fn chamfer_edges(surface: &Surface, fits: &VertexFits) -> Vec<Half> {
         meet_in_crease(p, q, middle, *h)
     };
     let knots = Knots::of(mesh);
+    let bounds_one_or_two = |half: Half| {
+        let is_face = || !has_repeated_vertex(&mesh.corners(half.face()));
+        !mesh.is_border(half) || knots.around(mesh, half).is_empty() && is_face()
+    };
     // Not both ends are interior: from the end that is not, and where neither is from the lower one.
     let edges_from = |&v: &Vert| {
         let is_mine = move |w: Vert| interior[w] || v < w;
@@ -308,7 +312,7 @@ fn chamfer_edges(surface: &Surface, fits: &VertexFits) -> Vec<Half> {
         // A border edge has no half-edge that leaves its end.
         let arriving = mesh.leaving(v).iter().map(|half| half.prev());
         let arriving = arriving.filter(move |&half| mesh.is_border(half) && is_mine(mesh.from(half)));
-        leaving.chain(arriving).filter(|&half| knots.around(mesh, half).is_empty()).filter(is_chamfer)
+        leaving.chain(arriving).filter(|&half| bounds_one_or_two(half)).filter(is_chamfer)
     };
     let ends = fits.verts.par_iter().filter(|&&v| !interior[v]);
     let mut chamfers: Vec<Half> = ends.flat_map_iter(edges_from).map(|half| mesh.edge(half)).collect();
@@ -485,18 +489,19 @@ mod tests {
 
     // Three sheets hang on one edge, the ends of which have fits that disagree.
     #[test]
-    fn an_edge_of_three_faces_is_no_chamfer() {
+    fn an_edge_of_three_faces_or_of_none_is_no_chamfer() {
         let points = [[0., 0., 0.], [1., 0., 0.], [0., 1., 0.], [0., 0., 1.], [0., -1., 0.]];
         let faces = [[0, 1, 2], [0, 1, 3], [0, 1, 4]];
-        let chamfers = |n_faces: usize| {
-            let m = mesh(&points, &faces[..n_faces]);
+        let chamfers = |faces: &[[usize; 3]]| {
+            let m = mesh(&points, faces);
             let (normals, labels) = labels(&m);
             let plane = |v, n| (Vert::new(v), Fit::plane(m.point(Vert::new(v)), n, FitSource::Region));
             let fits = VertexFits::of(5, [plane(0, DVec3::X), plane(1, DVec3::Y)]);
             chamfer_edges(&Surface::new(&m, &normals, &labels), &fits)
         };
-        assert_eq!(chamfers(1), [Half::new(0)]);
-        assert_eq!(chamfers(3), []);
+        assert_eq!(chamfers(&faces[..1]), [Half::new(0)]);
+        assert_eq!(chamfers(&faces), []);
+        assert_eq!(chamfers(&[[0, 1, 1]]), [], "a face that names a vertex twice");
     }
 
     #[test]
