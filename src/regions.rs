@@ -12,7 +12,8 @@
 //!
 //! The steps, as comments in these files number them (`h` is the mean edge length):
 //!
-//! 1. Interior vertices have smooth edges only; regions of fewer than four of them are none.
+//! 1. Interior vertices have smooth edges only; regions of fewer than four of them are none, and rows that others explain
+//!    (`rows.rs`).
 //! 2. Deep ones have interior neighbours only: their samples are trusted fully.
 //! 3. The patch of a doubtful vertex: the regions that come within 3 h of it (`patch.rs`).
 //! 4. The fit of a region round the vertex: a height field through positions and normals (`fit.rs`).
@@ -43,6 +44,7 @@ mod noise;
 mod patch;
 mod place;
 mod rounds;
+mod rows;
 mod surface;
 mod verdict;
 
@@ -208,7 +210,9 @@ fn bends_like_a_chamfer(mesh: &Mesh, v: Vert) -> bool {
 /// chamfers.
 #[must_use]
 pub fn label_by_fits(mesh: &Mesh, face_normals: &PerFace<DVec3>, labels: &Labels) -> RegionLabels {
-    let surface = Surface::new(mesh, face_normals, labels);
+    let mut surface = Surface::new(mesh, face_normals, labels);
+    rows::dissolve_rows(&mut surface);
+    let surface = surface;
     let (mut fits, noise) = label_vertices(&surface);
     let mut candidates = chamfer_edges(&surface, &fits);
     let (mut strip_of, mut strips) = gates::judge_strips(&surface, &fits, &candidates, noise);

@@ -21,7 +21,7 @@ use rayon::prelude::*;
 
 use super::VertexFits;
 use super::label::{EXPLAINED, SHALLOW_TRUST, best, explain_those};
-use super::patch::{Cluster, Patch, REACH_IN_REGION};
+use super::patch::{Cluster, Patch, REACH_IN_REGION, Regions};
 use super::surface::Surface;
 use crate::fit::{Fit, FitSource, Fitter, Sample};
 use crate::mesh::Vert;
@@ -106,7 +106,7 @@ fn groups(surface: &Surface, fits: &VertexFits) -> (Vec<u32>, Vec<Range<usize>>)
 
 /// Working space of one worker.
 #[derive(Default)]
-struct Explainer {
+pub(super) struct Explainer {
     patch: Patch,
     /// The clusters of the patch as one vertex of the group sees them.
     seen: Vec<Cluster>,
@@ -144,6 +144,17 @@ impl Explainer {
             let fit = best(seen, surface.h.recip(), fit).filter(|fit| fit.displacement.abs() < EXPLAINED);
             found.extend(fit.map(|fit| (near.verts[i as usize], fit)));
         }
+    }
+
+    /// The fit of the one of `regions` that explains `v` best.
+    pub fn explain_by(&mut self, surface: &Surface, regions: &impl Regions, v: Vert) -> Option<Fit> {
+        self.patch.search(surface, regions, v, 0.0);
+        let origin = surface.mesh.point(v);
+        let Self { patch, samples, fitter, .. } = self;
+        best(patch.clusters(), surface.h.recip(), |cluster| {
+            samples.take(surface, patch, cluster, origin);
+            samples.fit(origin, fitter)
+        })
     }
 
     /// The fit of the region that interior vertex `v` is part of.
