@@ -12,7 +12,7 @@
 //!
 //! The steps, as comments in these files number them (`h` is the mean edge length):
 //!
-//! 1. Interior vertices have smooth edges only; regions of fewer than four of them are none, and rows that others explain
+//! 1. Interior vertices have smooth edges only; regions of fewer than four of them are none, and rows off a flat side
 //!    (`rows.rs`).
 //! 2. Deep ones have interior neighbours only: their samples are trusted fully.
 //! 3. The patch of a doubtful vertex: the regions that come within 3 h of it (`patch.rs`).
