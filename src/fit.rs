@@ -162,10 +162,21 @@ impl Fitter {
         fit_of(solution, origin, frame, n_members, source)
     }
 
-    /// Fits a plane to all of `samples`.
-    pub(crate) fn plane(&mut self, origin: DVec3, samples: &[Sample], source: FitSource) -> Option<Fit> {
+    /// Fits a plane to all of `samples` that leaves no more than `max_rms` (in h) of them, if there is one: of their
+    /// places and normals, or else of their places alone. Beside samples that are off the surface normals lean, though
+    /// their own places are exact.
+    pub(crate) fn exact_plane(
+        &mut self,
+        origin: DVec3,
+        samples: &[Sample],
+        source: FitSource,
+        max_rms: f64,
+    ) -> Option<Fit> {
         let frame = self.take(samples)?;
-        fit_of(solve::plane(&self.samples)?, origin, frame, self.samples.len(), source)
+        let is_exact = |plane: &Solution| plane.rms <= max_rms;
+        let plane = solve::plane(&self.samples).filter(is_exact);
+        let plane = plane.or_else(|| solve::plane_through(&self.samples).filter(is_exact))?;
+        fit_of(plane, origin, frame, self.samples.len(), source)
     }
 
     /// Takes `samples` over their mean normal; its frame.
@@ -241,6 +252,34 @@ mod tests {
         let (distance, at) = fit.evaluate(on_plane + 6.0 * normal, 2.0);
         assert_relative_eq!(distance, 3.0, epsilon = 1e-6);
         assert_relative_eq!(at.distance(normal), 0.0, epsilon = 1e-8);
+    }
+
+    #[test]
+    fn a_plane_is_that_of_the_places_where_normals_lean() {
+        // Normals of the last row lean by 10 degrees.
+        let (a, b, c) = (0.3, 0.2, -0.5);
+        let leaning = samples(turn(), |x, y| (a + b * x + c * y, if x > 1.0 { b + 0.18 } else { b }, c));
+        let origin = dvec3(7., 8., 9.);
+        let plain = Fitter::default().fit(origin, &leaning, FitSource::Region).unwrap();
+        assert!(plain.rms > 0.01, "{}", plain.rms);
+        let exact =
+            |samples: &[Sample]| Fitter::default().exact_plane(origin, samples, FitSource::Region, 1e-3);
+        let fit = exact(&leaning).unwrap();
+        assert!(fit.is_plane() && fit.rms < 1e-5 && fit.n_members == 25);
+        assert_relative_eq!(
+            fit.normal.distance(turn() * dvec3(-b, -c, 1.0).normalize()),
+            0.0,
+            epsilon = 1e-5
+        );
+        assert_relative_eq!(fit.displacement, a / (1.0 + b * b + c * c).sqrt(), max_relative = 1e-4);
+        // Places off by .003 are not exact, and a row spans no plane, whatever its normals say.
+        let rough =
+            samples(turn(), |x, y| (a + 0.003 * (9.0 * x * y).sin(), if x > 1.0 { 0.18 } else { 0.0 }, 0.0));
+        assert!(exact(&rough).is_none());
+        let row = |leaning: &[Sample]| leaning.iter().step_by(5).copied().collect::<Vec<_>>();
+        assert!(exact(&row(&leaning)).is_none());
+        let upright = samples(turn(), |x, y| (a + b * x + c * y, b, c));
+        assert!(exact(&row(&upright)).is_some(), "all of it agrees");
     }
 
     #[test]

@@ -29,6 +29,9 @@ const CURVATURE_PRIOR: f64 = 0.005;
 /// in the matrix of second derivatives: with less, fits depend on which tangents they are over, and with them
 /// on how the mesh is turned (new vertices by up to 1e-4 of the diagonal).
 const TIMES: [f64; 6] = [1.0, 1.0, 1.0, 1.0, 2.0, 1.0];
+/// Samples whose places are to span a plane have this variance at least in every direction of it, in h²: those in one row
+/// have none across it, in two rows .25.
+const MIN_SPREAD: f64 = 0.1;
 /// A sample whose normal's cosine to the mean normal is not above this (37 degrees) is not part of a
 /// height field over it: round the wall of a hole no parabola passes. At 70 degrees the rims of coarse holes have up to
 /// 1.3 times the error, a coarse fandisk loses 4 of 18 corners; at 45 a third of what is gained is lost, at 32 a
@@ -100,6 +103,33 @@ pub(super) fn plane(samples: &[Local]) -> Option<Solution> {
     );
     let right = SVector::from([z, zx + K * p, zy + K * q]);
     let (c, rms) = solve(matrix, right, square, s)?;
+    Some(Solution { coefficients: [c[0], c[1], c[2], 0.0, 0.0, 0.0], rms, is_quadric: false })
+}
+
+/// Least squares of the heights alone for the first three coefficients, if the samples span a plane.
+pub(super) fn plane_through(samples: &[Local]) -> Option<Solution> {
+    let mut sums = [0.0; 10];
+    for &Local { x, y, z, weight: w, .. } in samples {
+        let (wx, wy, wz) = (w * x, w * y, w * z);
+        let terms = [w, wx, wy, wx * x, wx * y, wy * y, wz, wz * x, wz * y, wz * z];
+        for (sum, term) in sums.iter_mut().zip(terms) {
+            *sum += term;
+        }
+    }
+    let [s, x, y, xx, xy, yy, z, zx, zy, square] = sums;
+    // The smaller eigenvalue of the covariance.
+    let (vx, vy, vxy) = (xx / s - (x / s).powi(2), yy / s - (y / s).powi(2), xy / s - x * y / (s * s));
+    let least = 0.5 * (vx + vy - (vx - vy).hypot(2.0 * vxy));
+    if least < MIN_SPREAD {
+        return None;
+    }
+    #[rustfmt::skip]
+    let matrix = SMatrix::<f64, 3, 3>::new(
+        s, x,  y,
+        x, xx, xy,
+        y, xy, yy,
+    );
+    let (c, rms) = solve(matrix, SVector::from([z, zx, zy]), square, s)?;
     Some(Solution { coefficients: [c[0], c[1], c[2], 0.0, 0.0, 0.0], rms, is_quadric: false })
 }
 

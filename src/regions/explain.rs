@@ -197,8 +197,9 @@ impl Samples {
     fn fit(&self, origin: DVec3, fitter: &mut Fitter) -> Option<Fit> {
         let deep = &self.all[..self.n_deep];
         let has_eroded = (ERODED_MEMBERS..self.all.len()).contains(&self.n_deep);
-        let plane = if has_eroded { fitter.plane(origin, deep, FitSource::Region) } else { None };
-        if let Some(plane) = plane.filter(|plane| plane.rms <= ERODED_GAIN * ERODED_RMS) {
+        let max_rms = ERODED_GAIN * ERODED_RMS;
+        let plane = has_eroded.then(|| fitter.exact_plane(origin, deep, FitSource::Region, max_rms));
+        if let Some(plane) = plane.flatten() {
             return Some(plane); // Whatever the others say.
         }
         let fit = fitter.fit(origin, &self.all, FitSource::Region)?;
