@@ -246,7 +246,7 @@ mod tests {
         assert_eq!((fit.n_members, fit.coefficients[3..].to_vec()), (25, vec![0.0; 3]));
         assert_relative_eq!(fit.normal.distance(normal), 0.0, epsilon = 1e-8);
         assert_relative_eq!(fit.displacement, a / (1.0 + b * b + c * c).sqrt(), max_relative = 1e-7);
-        assert!(fit.rms < 1e-7, "{}", fit.rms);
+        assert!(fit.rms < 1e-5, "{}", fit.rms);
         // Three mean edges of length 2 beyond the plane, wherever along it.
         let on_plane = dvec3(7., 8., 9.) + 2.0 * (turn() * dvec3(5., 1., a + 5. * b + c));
         let (distance, at) = fit.evaluate(on_plane + 6.0 * normal, 2.0);
@@ -256,9 +256,9 @@ mod tests {
 
     #[test]
     fn a_plane_is_that_of_the_places_where_normals_lean() {
-        // Normals of the last row lean by 10 degrees.
+        // Three of five normals lean by 10 degrees.
         let (a, b, c) = (0.3, 0.2, -0.5);
-        let leaning = samples(turn(), |x, y| (a + b * x + c * y, if x > 1.0 { b + 0.18 } else { b }, c));
+        let leaning = samples(turn(), |x, y| (a + b * x + c * y, if x > -0.1 { b + 0.18 } else { b }, c));
         let origin = dvec3(7., 8., 9.);
         let plain = Fitter::default().fit(origin, &leaning, FitSource::Region).unwrap();
         assert!(plain.rms > 0.01, "{}", plain.rms);
