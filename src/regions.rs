@@ -282,6 +282,9 @@ fn label_vertices(surface: &Surface) -> (VertexFits, f64) {
     label::explain_by_leftovers(surface, &mut fits, leftover_rms);
     let far_to_stay = limit(if is_off { FAR } else { FAR_TO_STAY });
     grow::grow(surface, &mut fits, far_to_stay..=limit(FAR), unless_off(limit(FAR_TO_GROW)));
+    if is_off {
+        explain::explain_by_exact_sides(surface, &mut fits);
+    }
     label::explain_by_red_faces(surface, &mut fits);
     label::explain_by_leftovers(surface, &mut fits, leftover_rms);
     label::adopt_from_neighbours(surface, &mut fits);
