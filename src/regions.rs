@@ -18,7 +18,8 @@
 //! 3. The patch of a doubtful vertex: the regions that come within 3 h of it (`patch.rs`).
 //! 4. The fit of a region round the vertex: a height field through positions and normals (`fit.rs`).
 //! 5. The label of the vertex: the fit that passes nearest to it (`explain.rs`).
-//! 6. What no region explains: by red faces (a), by leftovers (b), by labels carried along (`label.rs`, `grow.rs`).
+//! 6. What no region explains: by red faces (a), by leftovers (b), by labels carried along, by places alone
+//!    (`label.rs`, `grow.rs`, `narrow.rs`).
 //! 7. Chamfer edges: the fits of their ends disagree in the middle.
 //! 8. Strips of them that are rounds, fades or guesses are left alone (`gates.rs`, `rounds.rs`, `fade.rs`, `ends.rs`).
 //! 9. Samples that are off the surface move onto their fit (`moves.rs`, `noise.rs`), or fits onto their samples
@@ -39,6 +40,7 @@ mod gates;
 mod grow;
 mod label;
 mod moves;
+mod narrow;
 mod near;
 mod noise;
 mod patch;
@@ -287,6 +289,9 @@ fn label_vertices(surface: &Surface) -> (VertexFits, f64) {
     }
     label::explain_by_red_faces(surface, &mut fits);
     label::explain_by_leftovers(surface, &mut fits, leftover_rms);
+    if !is_off && noise < gates::CLEAN_NOISE {
+        narrow::explain_by_places(surface, &mut fits);
+    }
     label::adopt_from_neighbours(surface, &mut fits);
     (fits, noise)
 }

@@ -23,7 +23,7 @@
 
 use glam::DVec3;
 
-use super::gates::{Fate, LONG_STRIP, ROUND_DISPLACEMENT, ROUND_GUESSED, STRIP_RMS, Strip};
+use super::gates::{CLEAN_NOISE, Fate, LONG_STRIP, ROUND_DISPLACEMENT, ROUND_GUESSED, STRIP_RMS, Strip};
 use super::{Surface, VertexFits};
 use crate::fit::{Fit, FitSource};
 use crate::mesh::{Half, Vert};
@@ -51,10 +51,8 @@ const OTHER_RADIUS: f64 = 0.03;
 /// on marching cubes, and a box with rounds of .73 h whose planes a grid happens to meet got a quarter more error.
 const RIM_RMS: f64 = 1e-3;
 
-/// Residuals up to this, in h, are those of small holes, where the noise of the mesh is less than [`CLEAN_NOISE`] ...
+/// Residuals up to this, in h, are those of small holes, where the noise of the mesh is less than [`CLEAN_NOISE`].
 const CURVED_RMS: f64 = 0.025;
-/// ... in h. Sampled parts have .006 and less, a bunny .06.
-const CLEAN_NOISE: f64 = 0.01;
 
 /// Samples that lie on a round exactly have its radius all alike: the tenth and the half of all differ by .002 h at most
 /// on rounds by marching intersections, remeshing and scanning, by .024 and more beside creases ...
