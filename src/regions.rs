@@ -18,8 +18,8 @@
 //! 3. The patch of a doubtful vertex: the regions that come within 3 h of it (`patch.rs`).
 //! 4. The fit of a region round the vertex: a height field through positions and normals (`fit.rs`).
 //! 5. The label of the vertex: the fit that passes nearest to it (`explain.rs`).
-//! 6. What no region explains: by red faces (a), by leftovers (b), by labels carried along, by places alone
-//!    (`label.rs`, `grow.rs`, `narrow.rs`).
+//! 6. What no region explains, or no crease beside it (`chord.rs`): by red faces (a), by leftovers (b), by labels
+//!    carried along, by places alone (`label.rs`, `grow.rs`, `narrow.rs`).
 //! 7. Chamfer edges: the fits of their ends disagree in the middle.
 //! 8. Strips of them that are rounds, fades or guesses are left alone (`gates.rs`, `rounds.rs`, `fade.rs`, `ends.rs`).
 //! 9. Samples that are off the surface move onto their fit (`moves.rs`, `noise.rs`), or fits onto their samples
@@ -32,6 +32,7 @@
 
 mod anchor;
 mod apex;
+mod chord;
 mod ends;
 mod explain;
 mod fade;
@@ -280,6 +281,9 @@ fn label_vertices(surface: &Surface) -> (VertexFits, f64) {
     let unless_off = |on_surface: f64| if is_off { label::EXPLAINED } else { on_surface };
     let leftover_rms = if is_off { label::LEFTOVER_RMS_OFF_SURFACE } else { label::LEFTOVER_RMS };
     label::take_back_far_labels(surface, &mut fits, unless_off(limit(FAR)));
+    if is_off {
+        chord::take_back_impossible_labels(surface, &mut fits);
+    }
     // Leftovers first, which then grow as well: the other way round remesh_5k has L2 .069 instead of .050.
     label::explain_by_leftovers(surface, &mut fits, leftover_rms);
     let far_to_stay = limit(if is_off { FAR } else { FAR_TO_STAY });

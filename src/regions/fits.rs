@@ -44,6 +44,11 @@ impl VertexFits {
         made
     }
 
+    /// Takes the fit of `v` away.
+    pub(super) fn take(&mut self, v: Vert) {
+        self.fits[self.slot[v] as usize] = None;
+    }
+
     pub(super) fn set(&mut self, v: Vert, fit: Fit) {
         self.fits[self.slot[v] as usize] = Some(fit);
     }

@@ -54,9 +54,10 @@ const RIM_RMS: f64 = 1e-3;
 /// Residuals up to this, in h, are those of small holes, where the noise of the mesh is less than [`CLEAN_NOISE`].
 const CURVED_RMS: f64 = 0.025;
 
-/// Samples that lie on a round exactly have its radius all alike: the tenth and the half of all differ by .002 h at most
-/// on rounds by marching intersections, remeshing and scanning, by .024 and more beside creases ...
-const SAME_RADIUS: f64 = 0.01;
+/// Samples that lie on a round exactly have its radius all alike: the fiftieth and the half of all differ by .001 h at
+/// most on rounds by marching intersections, remeshing and scanning, by .008 and more beside creases (the least of these
+/// is the rim of a slot, most of whose samples are equally deep along its straight parts) ...
+const SAME_RADIUS: f64 = 0.003;
 /// ... but for grids along straight creases, where they are all equally deep. On a round of radius .7 h the deepest
 /// tenth, quarter and half are .05 h apart.
 const OTHER_DEPTH: f64 = 0.02;
@@ -87,7 +88,9 @@ pub(super) fn judge_by_radius(
         let is_exact = strip.rms <= STRIP_RMS;
         let largest = if is_exact { LARGEST_SPREAD_RADIUS } else { LARGEST_RADIUS };
         let depths = [0.5, 0.75, 0.9].map(|share| quantile(&mut depths, share));
-        let is_on_round = half - tenth < SAME_RADIUS && depths.windows(2).all(|d| d[1] - d[0] > OTHER_DEPTH);
+        let fiftieth = quantile(&mut radii, 0.02);
+        let is_on_round =
+            half - fiftieth < SAME_RADIUS && depths.windows(2).all(|d| d[1] - d[0] > OTHER_DEPTH);
         let is_rim = strip.rms > RIM_RMS
             && half <= LARGEST_SPREAD_RADIUS
             && half - tenth > OTHER_RADIUS
@@ -295,6 +298,9 @@ mod tests {
             judged_along(at(25.0), at(65.0), kept).fate
         };
         assert_eq!(level(0.7), Fate::Kept);
+        // Nor has a round samples that are inside of it, few as they are.
+        let dented = |from: f64| move |t: f64| on_round(if t == 0.5 { 0.6 } else { 0.7 }, from)(t);
+        assert_eq!(judged_along(dented(0.0), dented(45.0), kept).fate, Fate::Kept);
     }
 
     #[test]
