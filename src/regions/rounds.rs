@@ -8,6 +8,10 @@
 //!                |       (1 - c) r = u + v + sqrt(2 u v (1 + c)),  c = N·M
 //! ```
 //!
+//! Where the normals are less than a right angle apart the round begins nearer to the crease than its radius, at
+//! r tan(angle / 2), and takes less away: this counts instead of the radius then (without, a box with bevels of 45
+//! degrees on a grid along the axes came back as it was).
+//!
 //! Every sample beside a round of radius R has an r of R or more: of R on the round, of more beyond it. So what most
 //! samples of a strip have is the largest radius that a round there could have. Marching cubes of the distance to a
 //! sharp edge puts samples inside of it, which then look like those of a round, but of a small one: on a grid of
@@ -28,10 +32,10 @@ use super::{Surface, VertexFits};
 use crate::fit::{Fit, FitSource};
 use crate::mesh::{Half, Vert};
 
-/// A strip is no round if half of its samples allow no larger radius than this, in h. Creases on marching cubes have
-/// .3 to .8 there, rounds a little more than their radius. To sharpen these pays up to a radius of .65 h and harms from
-/// .68 h. At .85 with the radius that a quarter allows, two more rims of coarse cylinders are recovered and two boxes
-/// with rounds of .75 h get half as much error again.
+/// A strip is no round if half of its samples allow no larger radius than this, in h, at right angles. Creases on
+/// marching cubes have .3 to .8 there, rounds a little more than their radius. To sharpen these pays up to a radius of
+/// .65 h and harms from .68 h. At .85 with the radius that a quarter allows, two more rims of coarse cylinders are
+/// recovered and two boxes with rounds of .75 h get half as much error again.
 const LARGEST_RADIUS: f64 = 0.8;
 /// Nor is it one if a tenth allow no more than this, as no sample of a round has less than its radius: rims of holes on
 /// grids along the axes have samples of all depths. Boxes with rounds of .68 h and more have .68 and more there ...
@@ -82,15 +86,16 @@ pub(super) fn judge_by_radius(
     }
     for (strip, samples) in strips.iter_mut().zip(samples) {
         let Some(samples) = samples.filter(|samples| !samples.is_empty()) else { continue };
-        let (mut radii, mut depths): (Vec<f64>, Vec<f64>) =
-            samples.iter().map(|sample| (sample.radius, sample.depth)).unzip();
-        let (tenth, half) = (quantile(&mut radii, 0.1), quantile(&mut radii, 0.5));
+        let values = |of: fn(&Inside) -> f64| samples.iter().map(of).collect::<Vec<f64>>();
+        let mut radii = values(|sample| sample.radius);
+        let mut reaches = values(|sample| sample.reach);
+        let mut depths = values(|sample| sample.depth);
+        let (tenth, half) = (quantile(&mut reaches, 0.1), quantile(&mut reaches, 0.5));
         let is_exact = strip.rms <= STRIP_RMS;
         let largest = if is_exact { LARGEST_SPREAD_RADIUS } else { LARGEST_RADIUS };
         let depths = [0.5, 0.75, 0.9].map(|share| quantile(&mut depths, share));
-        let fiftieth = quantile(&mut radii, 0.02);
-        let is_on_round =
-            half - fiftieth < SAME_RADIUS && depths.windows(2).all(|d| d[1] - d[0] > OTHER_DEPTH);
+        let is_on_round = quantile(&mut radii, 0.5) - quantile(&mut radii, 0.02) < SAME_RADIUS
+            && depths.windows(2).all(|d| d[1] - d[0] > OTHER_DEPTH);
         let is_rim = strip.rms > RIM_RMS
             && half <= LARGEST_SPREAD_RADIUS
             && half - tenth > OTHER_RADIUS
@@ -124,8 +129,10 @@ fn quantile(values: &mut [f64], share: f64) -> f64 {
 struct Inside {
     /// How far it is off the fit of its own side ...
     depth: f64,
-    /// ... and the radius of the round through it.
+    /// ... the radius of the round through it ...
     radius: f64,
+    /// ... and how far from the crease that begins, or its radius if this is less.
+    reach: f64,
 }
 
 /// Those ends of the edge of `h` that a region explains.
@@ -140,8 +147,10 @@ fn samples_at(surface: &Surface, fits: &VertexFits, h: Half) -> impl Iterator<It
         let (above, normal) = other.evaluate(mesh.point(v), surface.h);
         // Inside is below both sides of a ridge, above those of a valley.
         let sign = (along.dot(normal) - along.dot(own.normal)).signum();
-        let radius = round_through(sign * own.displacement, -sign * above, own.normal.dot(normal));
-        radius.is_finite().then_some(Inside { depth: own.displacement.abs(), radius })
+        let cosine = own.normal.dot(normal);
+        let radius = round_through(sign * own.displacement, -sign * above, cosine);
+        let reach = radius * half_tangent(cosine).min(1.0);
+        radius.is_finite().then_some(Inside { depth: own.displacement.abs(), radius, reach })
     };
     [(ends[0], along, p, q), (ends[1], -along, q, p)].into_iter().filter_map(sample)
 }
@@ -150,6 +159,11 @@ fn samples_at(surface: &Surface, fits: &VertexFits, h: Half) -> impl Iterator<It
 fn round_through(u: f64, v: f64, cosine: f64) -> f64 {
     let (u, v) = (u.max(0.0), v.max(0.0));
     (u + v + (2.0 * u * v * (1.0 + cosine)).max(0.0).sqrt()) / (1.0 - cosine)
+}
+
+/// The tangent of half of the angle that has this cosine.
+fn half_tangent(cosine: f64) -> f64 {
+    ((1.0 - cosine) / (1.0 + cosine)).sqrt()
 }
 
 #[cfg(test)]
@@ -238,6 +252,37 @@ mod tests {
         assert_eq!(fate(1.2 * H), Fate::FarFromFits);
         // A smaller one is as good as sharp.
         assert_eq!(fate(0.75 * H), Fate::Kept);
+    }
+
+    #[test]
+    fn where_sides_are_less_than_a_right_angle_apart_rounds_may_be_larger() {
+        let kept = |degrees: f64, radius: f64| {
+            let angle = degrees.to_radians();
+            let at = |turn: f64| radius * H * dvec3(0.0, turn.sin(), turn.cos() - 1.0);
+            let rows = [0.25, 0.75].map(|share| at(share * angle));
+            let m = ribbon(20, |_| rows.map(|p| [p.y, p.z]));
+            let (normals, labels) = labels(&m);
+            let mut surface = Surface::new(&m, &normals, &labels);
+            (surface.h, surface.interior) = (H, crate::mesh::PerVert::filled(m.n_verts(), false));
+            // Both sides touch the round where it ends.
+            let sides = [(DVec3::Z, DVec3::ZERO), (dvec3(0.0, angle.sin(), angle.cos()), at(angle))];
+            let fit = |v: usize| {
+                let (normal, on_side) = sides[v % 2];
+                (v, normal, (on_side - m.point(Vert::new(v))).dot(normal) / H, Region)
+            };
+            let fits = planes(&m, &(0..m.n_verts()).map(fit).collect::<Vec<_>>());
+            let is_across = |&h: &Half| m.from(h).index() % 2 != m.to(h).index() % 2;
+            let candidates: Vec<Half> = m.edges().filter(is_across).collect();
+            let (strip_of, mut strips) = judge_strips(&surface, &fits, &candidates, 0.0);
+            strips[0].fate = Fate::FarFromFits;
+            judge_by_radius(&surface, &fits, &candidates, &strip_of, &mut strips, 0.0);
+            strips[0].fate == Fate::Kept
+        };
+        assert_eq!([0.75, 0.85].map(|radius| kept(90.0, radius)), [true, false]);
+        // tan(22.5 degrees) is .414.
+        assert_eq!([1.75, 2.05].map(|radius| kept(45.0, radius)), [true, false]);
+        // Acute edges are judged by the radius itself.
+        assert_eq!([0.75, 0.85].map(|radius| kept(120.0, radius)), [true, false]);
     }
 
     /// One sample a row and side instead, at what `first` and `second` make of its place from 0 to 1.
