@@ -49,8 +49,8 @@ const LARGEST_SPREAD_RADIUS: f64 = 0.9;
 /// rounds of .8 h on marching cubes .06 and more ...
 const ON_SIDE: f64 = 0.03;
 /// ... and if the tenth and the half of their radii differ by this, in h: on rounds that are sampled exactly they do
-/// not, on those rims by .05 to .11 ...
-const OTHER_RADIUS: f64 = 0.03;
+/// not, on those rims by .028 to .11 ...
+const OTHER_RADIUS: f64 = 0.015;
 /// ... and if its sides are curved, which leaves this residual at least, in h: planes leave less than .0003 even
 /// on marching cubes, and a box with rounds of .73 h whose planes a grid happens to meet got a quarter more error.
 const RIM_RMS: f64 = 1e-3;
