@@ -348,6 +348,3 @@ impl Strip {
         }
     }
 }
-
-#[cfg(test)]
-mod tests;
