@@ -47,7 +47,10 @@ pub(super) fn take_back_impossible_labels(surface: &Surface, fits: &mut VertexFi
         !surface.interior[v] && fit.as_ref().is_some_and(is_asked)
     };
     let asked = fits.verts.par_iter().zip(&fits.fits).filter(is_asked).map(|(&v, _)| v);
-    let found = asked.map_init(Vec::new, |rings, v| (!is_possible(surface, fits, v, rings)).then_some(v));
+    let found = asked.map_init(Vec::new, |rings, v| {
+        let fit = fits.get(v)?;
+        (!is_possible(surface, fits, v, fit, rings)).then_some(v)
+    });
     let impossible: Vec<Vert> = found.flatten().collect();
     let is_impossible = |v: Vert| impossible.binary_search(&v).is_ok();
     for &v in impossible.iter().filter(|&&v| surface.neighbours(v).any(is_impossible)) {
@@ -59,11 +62,16 @@ fn is_far(fit: &Fit) -> bool {
     fit.displacement.abs() >= MIN_DISPLACEMENT
 }
 
-/// Whether marching cubes can have put `v`, which has a label, beside a crease of the side that this names, or whether
-/// there is no other side near. `rings` is working space.
-fn is_possible(surface: &Surface, fits: &VertexFits, v: Vert, rings: &mut Vec<u32>) -> bool {
+/// Whether marching cubes can have put `v` beside a crease of the side that has the fit `own`, or whether there is no
+/// other side near. `rings` is working space.
+pub(super) fn is_possible(
+    surface: &Surface,
+    fits: &VertexFits,
+    v: Vert,
+    own: &Fit,
+    rings: &mut Vec<u32>,
+) -> bool {
     let Surface { mesh, h, near, .. } = surface;
-    let Some(own) = fits.get(v) else { return true };
     near.collect_rings(near.of[v], RINGS, MAX_VERTS, |_| true, rings);
     let step = |&i: &u32| {
         let (above, normal) = fits.get(near.verts[i as usize])?.evaluate(mesh.point(v), *h);

@@ -23,6 +23,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::VertexFits;
+use super::chord;
 use super::label::{EXPLAINED, SHALLOW_TRUST, best, explain_those};
 use super::patch::{Cluster, Patch, REACH_IN_REGION, Regions};
 use super::surface::Surface;
@@ -88,13 +89,14 @@ pub(super) fn explain_by_regions(surface: &Surface) -> VertexFits {
 }
 
 /// Where samples are off the surface: gives the vertices that are without a fit that of an exact side beside them,
-/// though they are far off it. One sample without a label leaves a gap in a crease.
+/// though they are far off it, if a crease can explain them. One sample without a label leaves a gap in a crease.
 pub(super) fn explain_by_exact_sides(surface: &Surface, fits: &mut VertexFits) {
     let is_open = |v: Vert, fit: Option<&Fit>| !surface.interior[v] && fit.is_none();
     let is_exact_side =
         |fit: &Fit| fit.is_plane() && fit.rms < SIDE_RMS && fit.displacement.abs() < SIDE_DISPLACEMENT;
-    explain_those(fits, is_open, |explainer: &mut Explainer, _, v| {
-        explainer.explain_by(surface, surface, v).filter(is_exact_side)
+    explain_those(fits, is_open, |(explainer, rings): &mut (Explainer, Vec<u32>), fits, v| {
+        let fit = explainer.explain_by(surface, surface, v).filter(is_exact_side)?;
+        chord::is_possible(surface, fits, v, &fit, rings).then_some(fit)
     });
 }
 
