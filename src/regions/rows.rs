@@ -63,7 +63,8 @@ pub(super) fn dissolve_rows(surface: &mut Surface) {
 fn is_in_row(near: &Near, i: u32) -> bool {
     let interior_beside = |i: u32| near.neighbours(i).iter().copied().filter(|&j| near.interior[j as usize]);
     let is_thin = |i: u32| interior_beside(i).nth(ALONG_ROW).is_none();
-    near.interior[i as usize] && !near.deep[i as usize] && is_thin(i) && interior_beside(i).all(is_thin)
+    // None of these is deep: all of its neighbours would be interior, three at least.
+    near.interior[i as usize] && is_thin(i) && interior_beside(i).all(is_thin)
 }
 
 /// The regions without the rows.
