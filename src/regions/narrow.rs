@@ -14,7 +14,7 @@
 //! Based on: nothing in the papers. Ends of fillets that bend more than their samples can tell have such samples too.
 //! Differs: only where samples are on the surface and without noise; on marching cubes those beside a crease are not.
 //! In/out: `Surface` + fits -> fits of vertices that have none but the papers' plane.
-//! Cost: the samples within reach and a solution of 6 by 6 for each of these, in parallel.
+//! Cost: the samples within reach and four solutions of 6 by 6 for each of these, in parallel.
 
 use glam::DVec3;
 use nalgebra::{SMatrix, SVector};
@@ -22,7 +22,7 @@ use nalgebra::{SMatrix, SVector};
 use super::VertexFits;
 use super::label::explain_those;
 use super::surface::Surface;
-use crate::fit::{Fit, FitSource};
+use crate::fit::{Fit, FitSource, weight_at};
 use crate::mesh::Vert;
 
 /// Samples are taken from within this distance, in h: at 2.5 a quarter of what a coarse remeshed fandisk gains is lost,
@@ -44,16 +44,13 @@ const REGION_RMS: f64 = 0.03;
 const SURE_DISTANCE: f64 = 0.6;
 /// What counts in full settles in so many rounds.
 const ROUNDS: usize = 4;
-/// A sample at distance r (in h) weighs `1 / (SOFTENING + r²)`, as in other fits.
-const SOFTENING: f64 = 0.5;
 /// The squares of a slope against the vertex's own normal, and of a curvature (1 / h), count this much against the mean
 /// square of what is missed (in h). Samples in a row tell neither across the row. Five times as much of the first and a
 /// quarter of the second lose a sixth of what a coarse fandisk gains.
 const SLOPE_PRIOR: f64 = 0.01;
 const CURVATURE_PRIOR: f64 = 0.02;
-/// The fit leaves no more than this (in h), as other guesses do, and is no farther from its vertex.
+/// The fit leaves no more than this (in h), as other guesses do. Then it is near its vertex, too, which weighs most.
 const MAX_RMS: f64 = 0.05;
-const MAX_DISPLACEMENT: f64 = 0.1;
 
 /// A sample as the fit sees it.
 struct Place {
@@ -85,8 +82,11 @@ pub(super) fn explain_by_places(surface: &Surface, fits: &mut VertexFits) {
         !surface.interior[v] && fit.is_none_or(|fit| fit.source == FitSource::Paper)
     };
     explain_those(fits, is_open, |(round, places): &mut (Vec<u32>, Vec<Place>), fits, v| {
-        take_places(surface, fits, v, round, places)?;
-        fit_of(surface, v, places)
+        // Height fields are over the mean normal of all faces.
+        let normal = surface.normal_of(v, |_| true);
+        let plane = Fit::plane(surface.mesh.point(v), normal, FitSource::Leftover);
+        let is_told = normal != DVec3::ZERO && take_places(surface, fits, v, &plane, round, places);
+        fit_of(surface.h, &plane, is_told.then_some(places)?)
     });
 }
 
@@ -96,18 +96,18 @@ fn region_of<'f>(surface: &Surface, fits: &'f VertexFits, i: u32) -> Option<&'f 
     (fit.source == FitSource::Region && fit.rms < REGION_RMS).then_some(fit)
 }
 
-/// Puts into `places` what no region explains round `v`, if that is as much as a narrow face has. `round` is working
-/// space.
+/// Puts into `places` what no region explains round `v`, over `plane`: whether that is as much as a narrow face has.
+/// `round` is working space.
 fn take_places(
     surface: &Surface,
     fits: &VertexFits,
     v: Vert,
+    plane: &Fit,
     round: &mut Vec<u32>,
     places: &mut Vec<Place>,
-) -> Option<()> {
+) -> bool {
     let near = &surface.near;
-    let origin = surface.mesh.point(v);
-    let [t1, t2, m] = frame(surface, v)?;
+    let &Fit { origin, frame: [t1, t2, m], .. } = plane;
     let is_in_reach =
         |i: u32| near.points[i as usize].distance_squared(origin) <= (REACH * surface.h).powi(2);
     near.collect_rings(near.of[v], RINGS, MAX_NEAR, is_in_reach, round);
@@ -124,21 +124,15 @@ fn take_places(
         let offset = (point - origin) / surface.h;
         let (x, y, height) = (offset.dot(t1), offset.dot(t2), offset.dot(m));
         let row = SVector::from([1.0, x, y, 0.5 * x * x, x * y, 0.5 * y * y]);
-        Place { row, height, weight: 1.0 / (SOFTENING + offset.length_squared()), trust, inner }
+        Place { row, height, weight: weight_at(offset), trust, inner }
     };
     places.clear();
     places.extend(round.iter().filter(is_open).map(place));
-    (MIN_SAMPLES..=MAX_SAMPLES).contains(&places.len()).then_some(())
+    (MIN_SAMPLES..=MAX_SAMPLES).contains(&places.len())
 }
 
-/// The frame of height fields round `v`: over the mean normal of its faces.
-fn frame(surface: &Surface, v: Vert) -> Option<[DVec3; 3]> {
-    let normal = surface.normal_of(v, |_| true);
-    (normal != DVec3::ZERO).then(|| Fit::plane(DVec3::ZERO, normal, FitSource::Leftover).frame)
-}
-
-/// The height field through `places` round `v`, if it passes through them.
-fn fit_of(surface: &Surface, v: Vert, places: &[Place]) -> Option<Fit> {
+/// The height field over `plane` through `places`, if it passes through them. `h` is the mean edge length.
+fn fit_of(h: f64, plane: &Fit, places: &[Place]) -> Option<Fit> {
     let mut solution = SVector::zeros();
     for _ in 0..ROUNDS {
         solution = solve(places, &solution)?;
@@ -146,12 +140,9 @@ fn fit_of(surface: &Surface, v: Vert, places: &[Place]) -> Option<Fit> {
     let weights = places.iter().map(|place| place.weight(&solution));
     let squares = places.iter().map(|place| place.weight(&solution) * place.missed_by(&solution).powi(2));
     let rms = (squares.sum::<f64>() / weights.sum::<f64>()).sqrt();
-    let (origin, frame) = (surface.mesh.point(v), frame(surface, v)?);
-    let plane = Fit::plane(origin, frame[2], FitSource::Leftover);
-    let fit = Fit { frame, coefficients: solution.into(), rms, n_members: places.len(), ..plane };
-    let (distance, normal) = fit.evaluate(origin, surface.h);
-    let is_good = rms < MAX_RMS && distance.abs() < MAX_DISPLACEMENT;
-    is_good.then_some(Fit { displacement: -distance, normal, ..fit })
+    let fit = Fit { coefficients: solution.into(), rms, n_members: places.len(), ..plane.clone() };
+    let (distance, normal) = fit.evaluate(fit.origin, h);
+    (rms < MAX_RMS).then_some(Fit { displacement: -distance, normal, ..fit })
 }
 
 /// Least squares for the six coefficients, with the weights that `places` have by those before.
