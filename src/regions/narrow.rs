@@ -191,15 +191,21 @@ mod tests {
     //          3---
     const STEP: [[f64; 2]; 4] = [[-0.5, 0.0], [0.0, -0.6], [0.0, -1.2], [0.5, -1.8]];
 
+    /// The fits of the first and the last row of `ribbon`, which leave this residual.
+    fn levels(m: &Mesh, n_rows: usize, rms: f64) -> VertexFits {
+        let is_level = |v: &Vert| [0, n_rows - 1].contains(&(v.index() % n_rows));
+        let mut fits = VertexFits::none(m.n_verts(), m.verts().collect());
+        for v in m.verts().filter(is_level) {
+            fits.set(v, Fit { rms, ..Fit::plane(m.point(v), DVec3::Z, Region) });
+        }
+        fits
+    }
+
     /// The fits that the vertices of `ribbon` have afterwards, those of its first and last row being the levels'.
     fn explained(m: &Mesh, n_rows: usize, with: &[(usize, FitSource)]) -> VertexFits {
         let normals = m.face_normals();
         let surface = surface(m, &normals);
-        let mut fits = VertexFits::none(m.n_verts(), m.verts().collect());
-        let is_level = |v: &Vert| [0, n_rows - 1].contains(&(v.index() % n_rows));
-        for v in m.verts().filter(is_level) {
-            fits.set(v, Fit::plane(m.point(v), DVec3::Z, Region));
-        }
+        let mut fits = levels(m, n_rows, 0.0);
         for &(v, source) in with {
             fits.set(Vert::new(v), Fit::plane(m.point(Vert::new(v)), DVec3::X, source));
         }
@@ -251,8 +257,86 @@ mod tests {
         let is_explained = |n: usize| explained(&ribbon(n, &rows), 5, &[]).get(Vert::new(5 + 2)).is_some();
         // Three rows of four columns, and of five within reach: twelve, and fifteen.
         assert_eq!([4, 5].map(is_explained), [true, false]);
-        // Three samples of one column and a half.
+        // Four samples of two columns, and three of one and a half.
         let m = ribbon(2, &STEP);
+        assert!(explained(&m, 4, &[]).get(Vert::new(2)).is_some());
         assert!(explained(&m, 4, &[(1, Region)]).get(Vert::new(2)).is_none());
+    }
+
+    /// What is taken round vertex `v` of `m`, which has four rows, of edges of mean length 1.
+    fn taken(m: &Mesh, v: usize, level_rms: f64) -> Vec<Place> {
+        let normals = m.face_normals();
+        let mut surface = surface(m, &normals);
+        surface.h = 1.0;
+        let plane = Fit::plane(m.point(Vert::new(v)), DVec3::Y, Leftover);
+        let (mut round, mut places) = (Vec::new(), Vec::new());
+        let fits = levels(m, 4, level_rms);
+        take_places(&surface, &fits, Vert::new(v), &plane, &mut round, &mut places);
+        places
+    }
+
+    #[test]
+    fn places_are_those_within_reach_that_no_good_region_has() {
+        // Seven of the row itself are within three edges, and five of the other one.
+        let m = ribbon(9, &STEP);
+        assert_eq!(taken(&m, 4 * 4 + 1, 0.0).len(), 12);
+        assert_eq!(taken(&m, 4 * 4 + 1, 0.025).len(), 12);
+        assert!(taken(&m, 4 * 4 + 1, 0.035).len() > 12);
+    }
+
+    #[test]
+    fn places_near_a_region_are_trusted_by_the_square_of_their_distance() {
+        let m = ribbon(2, &[[-0.5, 0.0], [0.0, -0.3], [0.0, -1.0], [0.5, -1.7]]);
+        let places = taken(&m, 1, 0.0);
+        assert_eq!(places.len(), 4);
+        for place in &places {
+            // Below the upper level: a ridge, and the inner side is below the wall. What is .7 off counts in full.
+            let is_upper = place.row[1].abs() < 0.1; // The first tangent points down.
+            let (trust, inner) = if is_upper { (0.25, -1.0) } else { (1.0, 0.0) };
+            assert!((place.trust - trust).abs() < 1e-12 && place.inner == inner, "{}", place.trust);
+        }
+        // Where the wall passes above it counts in full, where it passes below by its trust.
+        let upper = places.iter().find(|place| place.inner == -1.0).unwrap();
+        let weight = |z: f64| upper.weight(&SVector::from([z, 0.0, 0.0, 0.0, 0.0, 0.0])) / upper.weight;
+        assert_eq!([-0.5, 0.5].map(weight).map(|w| (100.0 * w).round()), [100.0, 25.0]);
+    }
+
+    fn place(x: f64, y: f64, height: f64) -> Place {
+        let row = SVector::from([1.0, x, y, 0.5 * x * x, x * y, 0.5 * y * y]);
+        Place { row, height, weight: 1.0, trust: 1.0, inner: 0.0 }
+    }
+
+    #[test]
+    fn what_samples_do_not_tell_is_level_and_straight() {
+        let solved = |at: &[[f64; 3]]| {
+            let places: Vec<Place> = at.iter().map(|&[x, y, z]| place(x, y, z)).collect();
+            solve(&places, &SVector::zeros()).unwrap()
+        };
+        // Two samples in a row: nothing about the slope across it.
+        let c = solved(&[[-1.0, 0.0, -1.0], [1.0, 0.0, 1.0]]);
+        assert!((c[1] - 1.0 / 1.01).abs() < 1e-12 && c[2].abs() < 1e-12, "{c}");
+        // 3 c0 + c3 = 2 and c0 + (0.5 + 3 / 50) c3 = 1.
+        let c = solved(&[[-1.0, 0.0, 1.0], [0.0, 0.0, 0.0], [1.0, 0.0, 1.0]]);
+        assert!((c[3] - 1.0 / 0.68).abs() < 1e-12 && c[5].abs() < 1e-12, "{c}");
+        let c = solved(&[[-1.0, -1.0, 1.0], [1.0, -1.0, -1.0], [-1.0, 1.0, -1.0], [1.0, 1.0, 1.0]]);
+        assert!((c[4] - 1.0 / 1.04).abs() < 1e-12, "{c}");
+    }
+
+    #[test]
+    fn places_that_no_height_field_passes_through_have_none() {
+        let fit = |a: f64| {
+            let at = |i: usize| {
+                (
+                    (i % 4) as f64 - 1.5,
+                    (i / 4) as f64 - 1.0,
+                    if (i + i / 4).is_multiple_of(2) { a } else { -a },
+                )
+            };
+            let places: Vec<Place> = (0..12).map(at).map(|(x, y, z)| place(x, y, z)).collect();
+            fit_of(1.0, &Fit::plane(DVec3::ZERO, DVec3::Z, Leftover), &places)
+        };
+        let good = fit(0.04).unwrap();
+        assert!(good.rms > 0.035 && good.n_members == 12, "{}", good.rms);
+        assert!(fit(0.06).is_none());
     }
 }
