@@ -238,9 +238,13 @@ mod tests {
         let moved = |end, other, lean| moved_at(1e-4, end, other, lean);
         assert_eq!(moved(0.3, 0.11, 0.0), [0, 1]);
         assert_eq!(moved(0.3, 0.13, 0.0), [0; 0], "off where no chamfer ends");
-        assert_eq!(moved_at(1e-6, 0.3, 0.13, 0.0), [0, 1], "an exact side");
+        assert_eq!(moved_at(8e-6, 0.3, 0.13, 0.0), [0, 1], "an exact side");
+        assert_eq!(moved_at(1.2e-5, 0.3, 0.13, 0.0), [0; 0], "hardly exact");
+        assert_eq!(moved_at(1e-6, 0.49, 0.51, 0.0), [0], "too far in any case");
+        assert_eq!(moved_at(0.0, 0.0028, 0.0032, 0.0), [1], "too near");
         assert_eq!(moved(0.09, 0.13, 0.0), [0], "a little");
         assert_eq!(moved(-0.3, 0.13, 0.0), [0], "to the other side");
         assert_eq!(moved(0.3, 0.13, 0.8), [0], "another surface");
+        assert_eq!(moved(0.3, 0.13, 0.5), [0; 0], "the same one, bent");
     }
 }
