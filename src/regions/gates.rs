@@ -76,6 +76,13 @@ const OFF_SHARE: f64 = 0.12;
 const WITNESS_SHARE: f64 = 0.3;
 /// Share of all labels that must be witnesses off the surface: one witness on a noisy mesh proves nothing.
 const OFF_SHARE_OF_ALL: f64 = 0.1;
+/// Where this share of all labels is planes that leave less than ...
+const EXACT_SHARE: f64 = 0.88;
+/// ... this residual, in h, ...
+const EXACT_RMS: f64 = 1e-4;
+/// ... a smaller share off the surface is no chance: of the samples of an octahedron on grids along its axes .03 to .11
+/// are, by other sampling .02 at most.
+const EXACT_OFF_SHARE: f64 = 0.025;
 
 /// What became of a strip.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
@@ -137,14 +144,17 @@ pub struct OffSurface {
     pub witnesses: f64,
     /// Share of the witnesses' vertices that are off the surface.
     pub share: f64,
+    /// Share of the labels that are planes without a residual.
+    pub exact: f64,
 }
 
 impl OffSurface {
     /// Whether they are, so that they have to be moved.
     pub(super) fn is_likely(self) -> bool {
-        self.share >= OFF_SHARE
-            && self.witnesses >= WITNESS_SHARE
-            && self.share * self.witnesses >= OFF_SHARE_OF_ALL
+        let is_exact = self.exact >= EXACT_SHARE;
+        let (least, least_of_all) =
+            if is_exact { (EXACT_OFF_SHARE, 0.0) } else { (OFF_SHARE, OFF_SHARE_OF_ALL) };
+        self.share >= least && self.witnesses >= WITNESS_SHARE && self.share * self.witnesses >= least_of_all
     }
 }
 
@@ -164,18 +174,23 @@ pub(super) fn noise(fits: &VertexFits) -> f64 {
 
 /// Step 9: how many of the doubtful ends of `chamfers` are off the surface.
 pub(super) fn off_surface(surface: &Surface, fits: &VertexFits, chamfers: &[Half]) -> OffSurface {
-    let (mut n_labels, mut n_witnesses, mut n_off) = (0, 0, 0);
+    let (mut n_labels, mut n_witnesses, mut n_off, mut n_exact) = (0, 0, 0, 0);
     let ends = ends_of(surface.mesh, chamfers);
     for fit in ends.into_iter().filter(|&v| !surface.interior[v]).filter_map(|v| fits.get(v)) {
         n_labels += 1;
         let is_region = fit.source == FitSource::Region;
         if is_region && fit.n_members >= WITNESS_MEMBERS && fit.rms < WITNESS_RMS {
             n_witnesses += 1;
+            n_exact += usize::from(fit.rms < EXACT_RMS);
             n_off += usize::from(fit.displacement.abs() > OFF_DISPLACEMENT.max(OFF_IN_RMS * fit.rms));
         }
     }
     let share = |part: usize, whole: usize| part as f64 / whole.max(1) as f64;
-    OffSurface { witnesses: share(n_witnesses, n_labels), share: share(n_off, n_witnesses) }
+    OffSurface {
+        witnesses: share(n_witnesses, n_labels),
+        share: share(n_off, n_witnesses),
+        exact: share(n_exact, n_labels),
+    }
 }
 
 /// The vertices of `edges`, ascending, each once.

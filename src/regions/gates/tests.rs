@@ -141,9 +141,12 @@ fn samples_are_off_the_surface_by_the_word_of_good_fits() {
     let chamfers = [(0, 3), (2, 5), (4, 7)].map(|(a, b)| edge(&m, a, b));
     let off = off_surface(&surface, &fits, &chamfers);
     // Vertex 5 is interior, 4 and 7 have no fit, 3 has a guess; of 0 and 2 the first is off.
-    assert_eq!(off, OffSurface { witnesses: 2.0 / 3.0, share: 0.5 });
+    assert_eq!(off, OffSurface { witnesses: 2.0 / 3.0, share: 0.5, exact: 2.0 / 3.0 });
     assert!(off.is_likely());
-    assert!(!OffSurface { witnesses: 0.9, share: 0.11 }.is_likely(), "too small a share");
-    assert!(!OffSurface { witnesses: 0.29, share: 0.9 }.is_likely(), "too few witnesses");
-    assert!(!OffSurface { witnesses: 0.5, share: 0.15 }.is_likely(), "too few of all labels");
+    let is_likely = |witnesses, share, exact| OffSurface { witnesses, share, exact }.is_likely();
+    assert!(!is_likely(0.9, 0.11, 0.5), "too small a share");
+    assert!(!is_likely(0.29, 0.9, 0.0), "too few witnesses");
+    assert!(!is_likely(0.5, 0.15, 0.5), "too few of all labels");
+    assert!(is_likely(0.9, 0.03, 0.89), "enough of a polyhedron");
+    assert!(!is_likely(0.9, 0.02, 0.89), "too few even of that");
 }
