@@ -11,7 +11,7 @@
 //! Based on: nothing in the papers, which take the mean of the red normals. Step 4 of [`regions`](crate::regions).
 //! Differs: nothing.
 //! In/out: `Sample`s round an origin -> `Fit`.
-//! Cost: O(samples), no allocation; the sums of the normal equations are moments, 11 for a plane and 27
+//! Cost: O(samples), no allocation; the sums of the normal equations are moments, 12 for a plane and 28
 //! for a quadric, so that a sample costs some 50 operations, and four times that where outliers are found.
 
 mod robust;
@@ -23,7 +23,8 @@ use robust::Residuals;
 use solve::{Local, Solution};
 
 /// Samples at the origin weigh `1 / SOFTENING`, those at distance r (in h) `1 / (SOFTENING + r²)`: the
-/// weight falls by half at 0.7 h, so that no single near sample rules.
+/// weight falls by half at 0.7 h, so that no single near sample rules. Where fits are anchored, coarse meshes keep three
+/// turned faces more at 1.5.
 const SOFTENING: f64 = 0.5;
 /// A quadric needs this many samples (three equations each) ...
 const QUADRIC_SAMPLES: usize = 5;
@@ -140,6 +141,11 @@ impl Sample {
     fn weight(&self) -> f64 {
         self.trust / (SOFTENING + self.offset.length_squared())
     }
+}
+
+/// What a sample weighs that is fully trusted. `offset` is where it is from the fit's origin, in mean edge lengths.
+pub(crate) fn weight_at(offset: DVec3) -> f64 {
+    Sample { offset, normal: DVec3::ZERO, trust: 1.0 }.weight()
 }
 
 /// Makes fits one after the other in the same memory.

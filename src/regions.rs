@@ -66,7 +66,7 @@ pub use apex::Apex;
 pub use fits::VertexFits;
 pub use gates::{Fate, OffSurface, Strip};
 pub use place::{MAX_SHIFT, place_by_fits};
-use surface::Surface;
+use surface::{Surface, edges_at};
 pub use verdict::{Support, Verdict, verdict};
 
 /// Fits whose normals differ by this angle, in radians, make a chamfer edge. At 30 degrees rounds get
@@ -325,12 +325,8 @@ fn chamfer_edges(surface: &Surface, fits: &VertexFits) -> Vec<Half> {
     };
     // Not both ends are interior: from the end that is not, and where neither is from the lower one.
     let edges_from = |&v: &Vert| {
-        let is_mine = move |w: Vert| interior[w] || v < w;
-        let leaving = mesh.leaving(v).iter().copied().filter(move |&half| is_mine(mesh.to(half)));
-        // A border edge has no half-edge that leaves its end.
-        let arriving = mesh.leaving(v).iter().map(|half| half.prev());
-        let arriving = arriving.filter(move |&half| mesh.is_border(half) && is_mine(mesh.from(half)));
-        leaving.chain(arriving).filter(|&half| bounds_one_or_two(half)).filter(is_chamfer)
+        let mine = edges_at(mesh, v).filter(move |&(_, w)| interior[w] || v < w).map(|(half, _)| half);
+        mine.filter(|&half| bounds_one_or_two(half)).filter(is_chamfer)
     };
     let ends = fits.verts.par_iter().filter(|&&v| !interior[v]);
     let mut chamfers: Vec<Half> = ends.flat_map_iter(edges_from).map(|half| mesh.edge(half)).collect();

@@ -12,13 +12,12 @@
 //! In/out: `Surface` + fits + chamfers -> better fits at the ends of the chamfers.
 //! Cost: O(ends of chamfers), in parallel; the samples of two rings and some solutions of 3 by 3 for each.
 
-use glam::DVec3;
 use nalgebra::{SMatrix, SVector};
 
 use super::label::explain_those;
 use super::surface::Surface;
 use super::{FAR, VertexFits, gates};
-use crate::fit::{Fit, FitSource};
+use crate::fit::{Fit, FitSource, weight_at};
 use crate::mesh::{Half, Vert};
 
 /// Samples this many rings round an end count. With one ring coarse meshes keep six turned faces more, with three
@@ -29,16 +28,14 @@ const MAX_SAMPLES: usize = 128;
 /// A sample is part of the fit's surface if its own normal, or that of its label, has this cosine to the fit's (20
 /// degrees; 11 and 26 are as good) and it is within [`FAR`] of it (at half of that a third of what is gained is lost).
 const SAME_SURFACE: f64 = 0.94;
-/// A sample at distance r (in h) weighs `1 / (SOFTENING + r²)`: at 1.5 coarse meshes keep three turned faces more.
-const SOFTENING: f64 = 0.5;
 /// The square of a tilt, as a slope, counts this much against the mean square of what is missed (in h): at 0.3 coarse
 /// meshes keep ten turned faces more, at 0.03 it is no better.
 const TILT_PRIOR: f64 = 0.1;
 /// A fit that leaves less than this (in h) passes through its samples: at .001 those with the wrong label bend the
 /// sides of a cube (largest error .002 -> .02), at .01 a seventh of what coarse meshes gain is lost.
 const EXACT_RMS: f64 = 3e-3;
-/// A sample that is missed by this many medians of all weighs a quarter, as those with the wrong label are; 2 and 6 are
-/// as good. But never less than ...
+/// A sample that is missed by this many medians of all weighs a quarter, as those with the wrong label are, by the
+/// weights of Geman and McClure (as in `fit/robust.rs`); 2 and 6 are as good. But never less than ...
 const OUTLIER: f64 = 3.0;
 /// ... this, in h.
 const MIN_SCALE: f64 = 1e-3;
@@ -87,13 +84,8 @@ fn miss(surface: &Surface, fits: &VertexFits, v: Vert, fit: &Fit, i: u32) -> Opt
     is_sample.then(|| Missed {
         row: SVector::from([1.0, offset.dot(t1), offset.dot(t2)]),
         by: distance / normal.dot(m),
-        weight: weight(offset),
+        weight: weight_at(offset),
     })
-}
-
-/// How much a sample counts that is this far from the end, in h.
-fn weight(offset: DVec3) -> f64 {
-    1.0 / (SOFTENING + offset.length_squared())
 }
 
 /// The plane, as height and slopes, that the samples which agree are above the fit by. `sizes` is working space.
@@ -146,7 +138,7 @@ mod tests {
     use crate::regions::near::Near;
     use crate::regions::patch::tests::strip;
     use crate::regions::tests::{labels, planes};
-    use glam::dvec3;
+    use glam::{DVec3, dvec3};
 
     // 1---3---5---7-    A strip along x, one h apart, lifted by `height`; the fits of all its vertices are the plane
     // | / | / | / |     z = 0, or what `change` makes of it. That of `v` once it is anchored, if it is an end.
@@ -246,7 +238,7 @@ mod tests {
         let sample = |x: f64, y: f64, by: f64| Missed {
             row: SVector::from([1.0, x, y]),
             by,
-            weight: weight(dvec3(x, y, 0.0)),
+            weight: weight_at(dvec3(x, y, 0.0)),
         };
         // One at the end itself, eight around it two h away: 2 against 8 / 4.5.
         let round = [(2., 0.), (-2., 0.), (0., 2.), (0., -2.)];

@@ -37,7 +37,8 @@ const ERODED_MEMBERS: usize = 8;
 /// ... and taken if they leave less than this share of the residual. On marching cubes the samples beside
 /// a crease are off the surface and spoil the fit; curvature and noise raise both residuals alike.
 const ERODED_GAIN: f64 = 0.3;
-/// A fit with a larger residual (in h) is no smooth surface.
+/// A fit with a larger residual (in h) is no smooth surface. It decides where samples are noisy, and hardly: without it a
+/// fandisk of 141 meshes keeps one turned face more.
 const MAX_RMS: f64 = 0.25;
 
 /// A fit that leaves at most this residual (in h) is as good for the vertices next to its own: at .003 two coarse

@@ -14,7 +14,7 @@
 //! Based on: nothing in the papers. Ends of fillets that bend more than their samples can tell have such samples too.
 //! Differs: only where samples are on the surface and without noise; on marching cubes those beside a crease are not.
 //! In/out: `Surface` + fits -> fits of vertices that have none but the papers' plane.
-//! Cost: the samples within reach and a solution of 6 by 6 for each of these, in parallel.
+//! Cost: the samples within reach and four solutions of 6 by 6 for each of these, in parallel.
 
 use glam::DVec3;
 use nalgebra::{SMatrix, SVector};
@@ -22,7 +22,7 @@ use nalgebra::{SMatrix, SVector};
 use super::VertexFits;
 use super::label::explain_those;
 use super::surface::Surface;
-use crate::fit::{Fit, FitSource};
+use crate::fit::{Fit, FitSource, weight_at};
 use crate::mesh::Vert;
 
 /// Samples are taken from within this distance, in h: at 2.5 a quarter of what a coarse remeshed fandisk gains is lost,
@@ -44,16 +44,13 @@ const REGION_RMS: f64 = 0.03;
 const SURE_DISTANCE: f64 = 0.6;
 /// What counts in full settles in so many rounds.
 const ROUNDS: usize = 4;
-/// A sample at distance r (in h) weighs `1 / (SOFTENING + r²)`, as in other fits.
-const SOFTENING: f64 = 0.5;
 /// The squares of a slope against the vertex's own normal, and of a curvature (1 / h), count this much against the mean
 /// square of what is missed (in h). Samples in a row tell neither across the row. Five times as much of the first and a
 /// quarter of the second lose a sixth of what a coarse fandisk gains.
 const SLOPE_PRIOR: f64 = 0.01;
 const CURVATURE_PRIOR: f64 = 0.02;
-/// The fit leaves no more than this (in h), as other guesses do, and is no farther from its vertex.
+/// The fit leaves no more than this (in h), as other guesses do. Then it is near its vertex, too, which weighs most.
 const MAX_RMS: f64 = 0.05;
-const MAX_DISPLACEMENT: f64 = 0.1;
 
 /// A sample as the fit sees it.
 struct Place {
@@ -85,8 +82,11 @@ pub(super) fn explain_by_places(surface: &Surface, fits: &mut VertexFits) {
         !surface.interior[v] && fit.is_none_or(|fit| fit.source == FitSource::Paper)
     };
     explain_those(fits, is_open, |(round, places): &mut (Vec<u32>, Vec<Place>), fits, v| {
-        take_places(surface, fits, v, round, places)?;
-        fit_of(surface, v, places)
+        // Height fields are over the mean normal of all faces.
+        let normal = surface.normal_of(v, |_| true);
+        let plane = Fit::plane(surface.mesh.point(v), normal, FitSource::Leftover);
+        let is_told = normal != DVec3::ZERO && take_places(surface, fits, v, &plane, round, places);
+        fit_of(surface.h, &plane, is_told.then_some(places)?)
     });
 }
 
@@ -96,18 +96,18 @@ fn region_of<'f>(surface: &Surface, fits: &'f VertexFits, i: u32) -> Option<&'f 
     (fit.source == FitSource::Region && fit.rms < REGION_RMS).then_some(fit)
 }
 
-/// Puts into `places` what no region explains round `v`, if that is as much as a narrow face has. `round` is working
-/// space.
+/// Puts into `places` what no region explains round `v`, over `plane`: whether that is as much as a narrow face has.
+/// `round` is working space.
 fn take_places(
     surface: &Surface,
     fits: &VertexFits,
     v: Vert,
+    plane: &Fit,
     round: &mut Vec<u32>,
     places: &mut Vec<Place>,
-) -> Option<()> {
+) -> bool {
     let near = &surface.near;
-    let origin = surface.mesh.point(v);
-    let [t1, t2, m] = frame(surface, v)?;
+    let &Fit { origin, frame: [t1, t2, m], .. } = plane;
     let is_in_reach =
         |i: u32| near.points[i as usize].distance_squared(origin) <= (REACH * surface.h).powi(2);
     near.collect_rings(near.of[v], RINGS, MAX_NEAR, is_in_reach, round);
@@ -124,21 +124,15 @@ fn take_places(
         let offset = (point - origin) / surface.h;
         let (x, y, height) = (offset.dot(t1), offset.dot(t2), offset.dot(m));
         let row = SVector::from([1.0, x, y, 0.5 * x * x, x * y, 0.5 * y * y]);
-        Place { row, height, weight: 1.0 / (SOFTENING + offset.length_squared()), trust, inner }
+        Place { row, height, weight: weight_at(offset), trust, inner }
     };
     places.clear();
     places.extend(round.iter().filter(is_open).map(place));
-    (MIN_SAMPLES..=MAX_SAMPLES).contains(&places.len()).then_some(())
+    (MIN_SAMPLES..=MAX_SAMPLES).contains(&places.len())
 }
 
-/// The frame of height fields round `v`: over the mean normal of its faces.
-fn frame(surface: &Surface, v: Vert) -> Option<[DVec3; 3]> {
-    let normal = surface.normal_of(v, |_| true);
-    (normal != DVec3::ZERO).then(|| Fit::plane(DVec3::ZERO, normal, FitSource::Leftover).frame)
-}
-
-/// The height field through `places` round `v`, if it passes through them.
-fn fit_of(surface: &Surface, v: Vert, places: &[Place]) -> Option<Fit> {
+/// The height field over `plane` through `places`, if it passes through them. `h` is the mean edge length.
+fn fit_of(h: f64, plane: &Fit, places: &[Place]) -> Option<Fit> {
     let mut solution = SVector::zeros();
     for _ in 0..ROUNDS {
         solution = solve(places, &solution)?;
@@ -146,12 +140,9 @@ fn fit_of(surface: &Surface, v: Vert, places: &[Place]) -> Option<Fit> {
     let weights = places.iter().map(|place| place.weight(&solution));
     let squares = places.iter().map(|place| place.weight(&solution) * place.missed_by(&solution).powi(2));
     let rms = (squares.sum::<f64>() / weights.sum::<f64>()).sqrt();
-    let (origin, frame) = (surface.mesh.point(v), frame(surface, v)?);
-    let plane = Fit::plane(origin, frame[2], FitSource::Leftover);
-    let fit = Fit { frame, coefficients: solution.into(), rms, n_members: places.len(), ..plane };
-    let (distance, normal) = fit.evaluate(origin, surface.h);
-    let is_good = rms < MAX_RMS && distance.abs() < MAX_DISPLACEMENT;
-    is_good.then_some(Fit { displacement: -distance, normal, ..fit })
+    let fit = Fit { coefficients: solution.into(), rms, n_members: places.len(), ..plane.clone() };
+    let (distance, normal) = fit.evaluate(fit.origin, h);
+    (rms < MAX_RMS).then_some(Fit { displacement: -distance, normal, ..fit })
 }
 
 /// Least squares for the six coefficients, with the weights that `places` have by those before.
@@ -200,15 +191,21 @@ mod tests {
     //          3---
     const STEP: [[f64; 2]; 4] = [[-0.5, 0.0], [0.0, -0.6], [0.0, -1.2], [0.5, -1.8]];
 
+    /// The fits of the first and the last row of `ribbon`, which leave this residual.
+    fn levels(m: &Mesh, n_rows: usize, rms: f64) -> VertexFits {
+        let is_level = |v: &Vert| [0, n_rows - 1].contains(&(v.index() % n_rows));
+        let mut fits = VertexFits::none(m.n_verts(), m.verts().collect());
+        for v in m.verts().filter(is_level) {
+            fits.set(v, Fit { rms, ..Fit::plane(m.point(v), DVec3::Z, Region) });
+        }
+        fits
+    }
+
     /// The fits that the vertices of `ribbon` have afterwards, those of its first and last row being the levels'.
     fn explained(m: &Mesh, n_rows: usize, with: &[(usize, FitSource)]) -> VertexFits {
         let normals = m.face_normals();
         let surface = surface(m, &normals);
-        let mut fits = VertexFits::none(m.n_verts(), m.verts().collect());
-        let is_level = |v: &Vert| [0, n_rows - 1].contains(&(v.index() % n_rows));
-        for v in m.verts().filter(is_level) {
-            fits.set(v, Fit::plane(m.point(v), DVec3::Z, Region));
-        }
+        let mut fits = levels(m, n_rows, 0.0);
         for &(v, source) in with {
             fits.set(Vert::new(v), Fit::plane(m.point(Vert::new(v)), DVec3::X, source));
         }
@@ -260,8 +257,86 @@ mod tests {
         let is_explained = |n: usize| explained(&ribbon(n, &rows), 5, &[]).get(Vert::new(5 + 2)).is_some();
         // Three rows of four columns, and of five within reach: twelve, and fifteen.
         assert_eq!([4, 5].map(is_explained), [true, false]);
-        // Three samples of one column and a half.
+        // Four samples of two columns, and three of one and a half.
         let m = ribbon(2, &STEP);
+        assert!(explained(&m, 4, &[]).get(Vert::new(2)).is_some());
         assert!(explained(&m, 4, &[(1, Region)]).get(Vert::new(2)).is_none());
+    }
+
+    /// What is taken round vertex `v` of `m`, which has four rows, of edges of mean length 1.
+    fn taken(m: &Mesh, v: usize, level_rms: f64) -> Vec<Place> {
+        let normals = m.face_normals();
+        let mut surface = surface(m, &normals);
+        surface.h = 1.0;
+        let plane = Fit::plane(m.point(Vert::new(v)), DVec3::Y, Leftover);
+        let (mut round, mut places) = (Vec::new(), Vec::new());
+        let fits = levels(m, 4, level_rms);
+        take_places(&surface, &fits, Vert::new(v), &plane, &mut round, &mut places);
+        places
+    }
+
+    #[test]
+    fn places_are_those_within_reach_that_no_good_region_has() {
+        // Seven of the row itself are within three edges, and five of the other one.
+        let m = ribbon(9, &STEP);
+        assert_eq!(taken(&m, 4 * 4 + 1, 0.0).len(), 12);
+        assert_eq!(taken(&m, 4 * 4 + 1, 0.025).len(), 12);
+        assert!(taken(&m, 4 * 4 + 1, 0.035).len() > 12);
+    }
+
+    #[test]
+    fn places_near_a_region_are_trusted_by_the_square_of_their_distance() {
+        let m = ribbon(2, &[[-0.5, 0.0], [0.0, -0.3], [0.0, -1.0], [0.5, -1.7]]);
+        let places = taken(&m, 1, 0.0);
+        assert_eq!(places.len(), 4);
+        for place in &places {
+            // Below the upper level: a ridge, and the inner side is below the wall. What is .7 off counts in full.
+            let is_upper = place.row[1].abs() < 0.1; // The first tangent points down.
+            let (trust, inner) = if is_upper { (0.25, -1.0) } else { (1.0, 0.0) };
+            assert!((place.trust - trust).abs() < 1e-12 && place.inner == inner, "{}", place.trust);
+        }
+        // Where the wall passes above it counts in full, where it passes below by its trust.
+        let upper = places.iter().find(|place| place.inner == -1.0).unwrap();
+        let weight = |z: f64| upper.weight(&SVector::from([z, 0.0, 0.0, 0.0, 0.0, 0.0])) / upper.weight;
+        assert_eq!([-0.5, 0.5].map(weight).map(|w| (100.0 * w).round()), [100.0, 25.0]);
+    }
+
+    fn place(x: f64, y: f64, height: f64) -> Place {
+        let row = SVector::from([1.0, x, y, 0.5 * x * x, x * y, 0.5 * y * y]);
+        Place { row, height, weight: 1.0, trust: 1.0, inner: 0.0 }
+    }
+
+    #[test]
+    fn what_samples_do_not_tell_is_level_and_straight() {
+        let solved = |at: &[[f64; 3]]| {
+            let places: Vec<Place> = at.iter().map(|&[x, y, z]| place(x, y, z)).collect();
+            solve(&places, &SVector::zeros()).unwrap()
+        };
+        // Two samples in a row: nothing about the slope across it.
+        let c = solved(&[[-1.0, 0.0, -1.0], [1.0, 0.0, 1.0]]);
+        assert!((c[1] - 1.0 / 1.01).abs() < 1e-12 && c[2].abs() < 1e-12, "{c}");
+        // 3 c0 + c3 = 2 and c0 + (0.5 + 3 / 50) c3 = 1.
+        let c = solved(&[[-1.0, 0.0, 1.0], [0.0, 0.0, 0.0], [1.0, 0.0, 1.0]]);
+        assert!((c[3] - 1.0 / 0.68).abs() < 1e-12 && c[5].abs() < 1e-12, "{c}");
+        let c = solved(&[[-1.0, -1.0, 1.0], [1.0, -1.0, -1.0], [-1.0, 1.0, -1.0], [1.0, 1.0, 1.0]]);
+        assert!((c[4] - 1.0 / 1.04).abs() < 1e-12, "{c}");
+    }
+
+    #[test]
+    fn places_that_no_height_field_passes_through_have_none() {
+        let fit = |a: f64| {
+            let at = |i: usize| {
+                (
+                    (i % 4) as f64 - 1.5,
+                    (i / 4) as f64 - 1.0,
+                    if (i + i / 4).is_multiple_of(2) { a } else { -a },
+                )
+            };
+            let places: Vec<Place> = (0..12).map(at).map(|(x, y, z)| place(x, y, z)).collect();
+            fit_of(1.0, &Fit::plane(DVec3::ZERO, DVec3::Z, Leftover), &places)
+        };
+        let good = fit(0.04).unwrap();
+        assert!(good.rms > 0.035 && good.n_members == 12, "{}", good.rms);
+        assert!(fit(0.06).is_none());
     }
 }

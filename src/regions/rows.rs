@@ -63,7 +63,8 @@ pub(super) fn dissolve_rows(surface: &mut Surface) {
 fn is_in_row(near: &Near, i: u32) -> bool {
     let interior_beside = |i: u32| near.neighbours(i).iter().copied().filter(|&j| near.interior[j as usize]);
     let is_thin = |i: u32| interior_beside(i).nth(ALONG_ROW).is_none();
-    near.interior[i as usize] && !near.deep[i as usize] && is_thin(i) && interior_beside(i).all(is_thin)
+    // None of these is deep: all of its neighbours would be interior, three at least.
+    near.interior[i as usize] && is_thin(i) && interior_beside(i).all(is_thin)
 }
 
 /// The regions without the rows.
@@ -97,9 +98,15 @@ mod tests {
     /// A sheet of rows along x, one at each y and at `heights[y]`, of which some are interior: which of them are so
     /// afterwards.
     fn interior_rows(heights: &[f64], interior: &[usize]) -> Vec<usize> {
+        uneven_rows(heights, 0.0, interior)
+    }
+
+    /// Every other column is higher and the others lower by `uneven`.
+    fn uneven_rows(heights: &[f64], uneven: f64, interior: &[usize]) -> Vec<usize> {
         let n = heights.len();
+        let height = |i: usize| heights[i / WIDTH] + if i.is_multiple_of(2) { uneven } else { -uneven };
         let points: Vec<[f64; 3]> =
-            (0..n * WIDTH).map(|i| [(i % WIDTH) as f64, (i / WIDTH) as f64, heights[i / WIDTH]]).collect();
+            (0..n * WIDTH).map(|i| [(i % WIDTH) as f64, (i / WIDTH) as f64, height(i)]).collect();
         let square = |c: usize| [[c, c + 1, c + WIDTH + 1], [c, c + WIDTH + 1, c + WIDTH]];
         let squares = (0..(n - 1) * WIDTH).filter(|c| c % WIDTH != WIDTH - 1).flat_map(square);
         let m = mesh(&points, &squares.collect::<Vec<_>>());
@@ -135,7 +142,17 @@ mod tests {
         assert!(!stays(0.24, 0.6));
         assert!(stays(0.3, 0.1), "too far off");
         assert!(!stays(0.05, 5.0), "however it faces");
-        assert!(stays(0.002, 0.15), "it is on the side");
+        assert!(stays(0.0035, 0.15), "it is on the side");
+        assert!(!stays(0.0045, 0.15));
+    }
+
+    #[test]
+    fn a_row_beside_what_is_uneven_stays() {
+        let stays = |uneven: f64| {
+            let heights = [0., 0., 0., 0., 0., 0., -0.05, -0.15];
+            uneven_rows(&heights, uneven, &[0, 1, 2, 3, 4, 6]).len() == 6
+        };
+        assert_eq!([0.002, 0.005].map(stays), [false, true]);
     }
 
     #[test]

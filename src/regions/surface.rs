@@ -167,6 +167,14 @@ pub(super) fn corners_beside(mesh: &Mesh, v: Vert) -> impl Iterator<Item = Vert>
     leaving.iter().map(|&h| mesh.to(h)).chain(again.iter().map(|&h| mesh.opposite(h)))
 }
 
+/// A half-edge of each edge at `v`, with the other end: those that leave it, and those of borders that arrive. An edge of
+/// three faces or more comes as often as it has half-edges.
+pub(super) fn edges_at(mesh: &Mesh, v: Vert) -> impl Iterator<Item = (Half, Vert)> + '_ {
+    let leaving = mesh.leaving(v).iter();
+    let arriving = leaving.clone().map(|h| h.prev()).filter(|&h| mesh.is_border(h));
+    leaving.map(|&h| (h, mesh.to(h))).chain(arriving.map(|h| (h, mesh.from(h))))
+}
+
 /// The vertices that share an edge with `v`, each once, put into `round`.
 pub(super) fn neighbours<'r>(mesh: &Mesh, v: Vert, round: &'r mut Vec<Vert>) -> &'r [Vert] {
     round.clear();

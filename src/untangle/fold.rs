@@ -26,7 +26,7 @@ pub(super) const FOLD_ANGLE: f64 = 150.0 * std::f64::consts::PI / 180.0;
 /// nothing on 251 inputs; at 0, where a fold may become another one as sharp, 12 change, as many folds come as go, and
 /// a star's largest error grows 30 times.
 const MIN_FALL: f64 = std::f64::consts::PI / 180.0;
-/// Twice the area of a new triangle over the square of its longest side: less is a sliver. The angles of a sliver are
+/// A new triangle of a smaller [`shape`] is a sliver. The angles of a sliver are
 /// rounding. Half and double change none of 251 inputs by more than 1 %, 0 two of them, with three folds fewer.
 const MIN_SHAPE: f64 = 0.005;
 /// Each round uncovers what the flips before it did; few edges are left after the first.
@@ -120,7 +120,7 @@ impl Zone<'_, '_, '_> {
         }
         let points = triangles.map(|t| t.map(|v| self.edit.point(v)));
         let [Some(n), Some(m)] = points.map(unit_normal) else { return };
-        if points.into_iter().any(is_sliver) {
+        if points.into_iter().any(|triangle| shape(triangle) < MIN_SHAPE) {
             return;
         }
         let (Some(n_old), Some(m_old)) = (self.normal(f), self.normal(g)) else { return };
@@ -142,9 +142,10 @@ impl Zone<'_, '_, '_> {
     }
 }
 
-fn is_sliver([a, b, c]: [DVec3; 3]) -> bool {
+/// Twice the area of a triangle over the square of its longest side.
+pub(super) fn shape([a, b, c]: [DVec3; 3]) -> f64 {
     let longest = a.distance_squared(b).max(b.distance_squared(c)).max(c.distance_squared(a));
-    (b - a).cross(c - a).length() < MIN_SHAPE * longest
+    (b - a).cross(c - a).length() / longest
 }
 
 #[cfg(test)]

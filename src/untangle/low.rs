@@ -19,7 +19,7 @@
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::fold::FOLD_ANGLE;
+use super::fold::{FOLD_ANGLE, shape};
 use super::{UntangleCounts, Zone};
 use crate::geometry::{distance_to_triangle, unit_normal};
 use crate::mesh::{Face, Vert};
@@ -48,7 +48,7 @@ const MAX_OFF_BEFORE: f64 = 0.15;
 /// from them exceeds that from its fit by rounding alone, and 5 of 17 folds of a scanned pyramid stay; at 1.0001 those
 /// of a saddle do.
 const OFF_SLACK: f64 = 1.05;
-/// Twice the area of a new face over the square of its longest side: half a degree, no angle to compute with, unless
+/// The [`shape`] of a new face: half a degree, no angle to compute with, unless
 /// a face was worse before. Thin faces away from the crease are better than low ones: at 0.05 a twentieth more
 /// turned faces stay, at 0 not one less.
 const MIN_SHAPE: f64 = 0.01;
@@ -195,12 +195,6 @@ impl Zone<'_, '_, '_> {
             })
         })
     }
-}
-
-/// Twice the area of a triangle over the square of its longest side.
-fn shape([a, b, c]: [DVec3; 3]) -> f64 {
-    let longest = a.distance_squared(b).max(b.distance_squared(c)).max(c.distance_squared(a));
-    (b - a).cross(c - a).length() / longest
 }
 
 #[cfg(test)]

@@ -66,6 +66,10 @@ struct Candidate {
 }
 
 impl Candidate {
+    fn new(gain: f64, rank: u8, length_squared: f64, vertices: [Vert; 2], operation: Operation) -> Self {
+        Self { gain: (gain * GAIN_PARTS).round() as i64, rank, length_squared, vertices, operation }
+    }
+
     fn is_before(&self, other: &Self) -> bool {
         let order = other.gain.cmp(&self.gain).then(self.rank.cmp(&other.rank));
         let order = order.then(self.length_squared.total_cmp(&other.length_squared));
@@ -81,9 +85,8 @@ impl Zone<'_, '_, '_> {
         for i in 0..3 {
             let (a, b) = (t[i], t[(i + 1) % 3]);
             let length_squared = self.length_squared(a, b);
-            let mut push = |gain: f64, rank, length_squared, vertices, operation| {
-                let gain = in_parts(gain);
-                candidates.push(Candidate { gain, rank, length_squared, vertices, operation });
+            let mut push = |gain, rank, length_squared, vertices, operation| {
+                candidates.push(Candidate::new(gain, rank, length_squared, vertices, operation));
             };
             if let Some((gain, faces, triangles)) = self.try_flip(f, a, b) {
                 push(gain, 0, 0.0, [a, b], Operation::Flip { faces, triangles });
@@ -109,15 +112,8 @@ impl Zone<'_, '_, '_> {
         if may_move_back && candidates.is_empty() {
             for v in t {
                 if let Some((gain, to)) = self.try_back(v) {
-                    let gain = in_parts(gain);
                     let operation = Operation::MoveBack { vertex: v, to };
-                    candidates.push(Candidate {
-                        gain,
-                        rank: 5,
-                        length_squared: 0.0,
-                        vertices: [v, v],
-                        operation,
-                    });
+                    candidates.push(Candidate::new(gain, 5, 0.0, [v, v], operation));
                 }
             }
         }
@@ -345,10 +341,6 @@ impl Zone<'_, '_, '_> {
         }
         best.map(|(new, to)| (old - new, to))
     }
-}
-
-fn in_parts(gain: f64) -> i64 {
-    (gain * GAIN_PARTS).round() as i64
 }
 
 /// Adds `v` to an ascending list, once.

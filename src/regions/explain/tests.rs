@@ -38,6 +38,7 @@ fn what_nothing_explains_is_part_of_an_exact_side_if_that_is_not_too_far() {
     assert!(normal.distance(-DVec3::Z) < 1e-4 && (displacement - 0.45).abs() < 0.02, "{displacement}");
     assert_eq!(found(0.55, 0.0), None);
     assert_eq!(found(0.45, 1e-3), None);
+    assert_eq!([1e-4, 2e-4].map(|uneven| found(0.45, uneven).is_some()), [true, false]);
 }
 
 #[test]
@@ -271,4 +272,41 @@ fn where_all_samples_agree_all_count() {
     let fit = fit_of(ERODED_MEMBERS, 0.001, |x| if x % 2.0 == 1.0 { 0.002 } else { 0.0 }).unwrap();
     assert!(fit.rms > ERODED_GAIN * ERODED_RMS && fit.rms < ERODED_RMS, "{}", fit.rms);
     assert_eq!(fit.n_members, 2 * ERODED_MEMBERS);
+}
+
+#[test]
+fn fits_are_shared_in_a_group_if_they_are_exact() {
+    // A cube that is a little uneven: the residuals of its sides are about EXACT_RMS.
+    let (mut points, faces) = cut_cube(8).into_parts();
+    points.iter_mut().enumerate().for_each(|(i, p)| *p += 0.004 * (7.0 * i as f64).sin());
+    let m = Mesh::new(points, faces).unwrap();
+    let normals = m.face_normals();
+    let surface = Surface::new(&m, &normals, &labels(&m).1);
+    let (verts, groups) = groups(&surface, &VertexFits::none(m.n_verts(), surface.doubtful.clone()));
+    let (mut explainer, mut found) = (Explainer::default(), Vec::new());
+    let (mut shared, mut n_own) = (Vec::new(), 0);
+    for group in groups {
+        found.clear();
+        explainer.explain_group(&surface, &verts[group], &mut found);
+        for (i, (_, fit)) in found.iter().enumerate().skip(1) {
+            let is_shared = found[..i].iter().any(|(_, giver)| giver.frame == fit.frame);
+            if is_shared { shared.push(fit.rms) } else { n_own += 1 }
+        }
+    }
+    let largest = shared.iter().copied().fold(0.0, f64::max);
+    assert!(largest > 7e-4 && largest <= 1e-3 && n_own > 20, "{largest} {} {n_own}", shared.len());
+}
+
+#[test]
+fn samples_that_no_smooth_surface_passes_through_have_no_fit() {
+    let fit = |a: f64| {
+        let sample = |i: usize| {
+            let z = if (i + i / 4).is_multiple_of(2) { a } else { -a };
+            let offset = DVec3::new((i % 4) as f64 - 1.5, (i / 4) as f64 - 1.0, z);
+            Sample { offset, normal: DVec3::Z, trust: SHALLOW_TRUST }
+        };
+        let samples = Samples { all: (0..12).map(sample).collect(), n_deep: 0 };
+        samples.fit(DVec3::ZERO, &mut Fitter::default())
+    };
+    assert_eq!([0.23, 0.27].map(|a| fit(a).is_some()), [true, false]);
 }

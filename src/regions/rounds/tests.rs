@@ -174,6 +174,9 @@ fn samples_that_lie_on_one_round_are_left_alone_though_the_gates_let_them_pass()
     };
     assert_eq!(level(0.7), Fate::Kept);
     // Nor has a round samples that are inside of it, few as they are.
+    let uneven = |from: f64, by: f64| move |t: f64| on_round(0.7 + by * t, from)(t);
+    let fate = |by: f64| judged_along(uneven(0.0, by), uneven(45.0, by), kept).fate;
+    assert_eq!([0.004, 0.008].map(fate), [Fate::Round, Fate::Kept]);
     let dented = |from: f64| move |t: f64| on_round(if t == 0.5 { 0.6 } else { 0.7 }, from)(t);
     assert_eq!(judged_along(dented(0.0), dented(45.0), kept).fate, Fate::Kept);
 }
@@ -243,4 +246,13 @@ fn samples_of_a_round_are_at_more_depths_than_two() {
     };
     let kept = |strip: &mut Strip| (strip.inward, strip.fate) = (0.05, Fate::Kept);
     assert_eq!(judged_along(|t| at(t, 20.0), |t| at(t, 70.0), kept).fate, Fate::Kept);
+    // Nor is it a round where they are all but equally deep, between 30 and 36 degrees from its ends.
+    let level = |from: f64, to: f64| {
+        move |t: f64| {
+            let (sine, cosine) = (from + (to - from) * t).to_radians().sin_cos();
+            [0.7 * H * (sine - 1.0), 0.7 * H * (cosine - 1.0)]
+        }
+    };
+    assert_eq!(judged_along(level(30.0, 36.0), level(60.0, 54.0), kept).fate, Fate::Kept);
+    assert_eq!(judged_along(level(0.0, 45.0), level(90.0, 45.0), kept).fate, Fate::Round);
 }
