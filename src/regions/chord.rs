@@ -151,8 +151,9 @@ mod tests {
     #[test]
     fn what_is_too_far_from_both_sides_is_part_of_neither() {
         let left = |inside: f64, labelled: &[usize]| labels_left(inside, labelled, |_, _| ());
-        assert_eq!(left(0.5, &[2, 3]), 2);
-        assert_eq!(left(0.8, &[2, 3]), 0);
+        // Steps of 1.18 and 1.3 h.
+        assert_eq!(left(0.55, &[2, 3]), 2);
+        assert_eq!(left(0.65, &[2, 3]), 0);
         assert_eq!(left(-0.8, &[2, 3]), 2, "outside of the other: no ridge");
         assert_eq!(left(0.8, &[2]), 1, "a lone one stays");
         assert_eq!(left(0.8, &[0, 1]), 2, "nothing is within two rings");
@@ -162,12 +163,24 @@ mod tests {
     fn only_exact_labels_of_regions_are_taken_back_if_they_are_far() {
         let left = |change: &dyn Fn(&mut Surface, &mut Fit)| labels_left(1.0, &[2, 3], change);
         assert_eq!(left(&|_, fit| fit.source = Leftover), 2);
-        assert_eq!(left(&|_, fit| fit.rms = 1.1 * MAX_RMS), 2);
-        assert_eq!(left(&|_, fit| fit.displacement = 0.9 * MIN_DISPLACEMENT), 2);
+        assert_eq!([0.0025, 0.0035].map(|rms| left(&|_, fit| fit.rms = rms)), [0, 2]);
+        assert_eq!([0.11, 0.09].map(|far| left(&|_, fit| fit.displacement = far)), [0, 2]);
         let interior = |surface: &mut Surface, _: &mut Fit| {
             [2, 3].map(Vert::new).into_iter().for_each(|v| surface.interior[v] = true);
         };
         assert_eq!(left(&interior), 2);
         assert_eq!(left(&|_, _| ()), 0);
+    }
+
+    #[test]
+    fn valleys_are_ridges_seen_from_below() {
+        let valley = |inside: f64| {
+            let turn = |_: &mut Surface, fit: &mut Fit| {
+                (fit.displacement, fit.coefficients[0]) = (-fit.displacement, -fit.coefficients[0]);
+            };
+            labels_left(inside, &[2, 3], turn)
+        };
+        assert_eq!([-0.55, -0.65].map(valley), [2, 0]);
+        assert_eq!(valley(0.65), 2);
     }
 }
