@@ -283,15 +283,13 @@ fn label_vertices(surface: &Surface) -> (VertexFits, f64) {
     let unless_off = |on_surface: f64| if is_off { label::EXPLAINED } else { on_surface };
     let leftover_rms = if is_off { label::LEFTOVER_RMS_OFF_SURFACE } else { label::LEFTOVER_RMS };
     label::take_back_far_labels(surface, &mut fits, unless_off(limit(FAR)));
-    if is_off {
-        chord::take_back_impossible_labels(surface, &mut fits);
-    }
+    let is_marching_cubes = is_off && chord::take_back_impossible_labels(surface, &mut fits);
     // Leftovers first, which then grow as well: the other way round remesh_5k has L2 .069 instead of .050.
     label::explain_by_leftovers(surface, &mut fits, leftover_rms);
     let far_to_stay = limit(if is_off { FAR } else { FAR_TO_STAY });
     grow::grow(surface, &mut fits, far_to_stay..=limit(FAR), unless_off(limit(FAR_TO_GROW)));
     if is_off {
-        explain::explain_by_exact_sides(surface, &mut fits);
+        explain::explain_by_exact_sides(surface, &mut fits, is_marching_cubes);
     }
     label::explain_by_red_faces(surface, &mut fits);
     label::explain_by_leftovers(surface, &mut fits, leftover_rms);

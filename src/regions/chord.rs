@@ -27,6 +27,14 @@ use crate::mesh::Vert;
 /// The longest edge of the grid, in h. Right labels need 1.06 at most, on 60 meshes of planes, cones and cylinders, half
 /// of them .6. At 1.3 the small faces of nuts have a tenth more error.
 const MAX_STEP: f64 = 1.2;
+/// Longer ones than this, in h, ...
+const LONG_STEP: f64 = 1.0;
+/// ... need no more than this share of the labels that are possible: .09 at most on marching cubes of creases, mostly
+/// less than .05, but .1 to .3 on surface nets, whose samples are averages of those of a cell and may be deeper ...
+const MAX_LONG_SHARE: f64 = 0.1;
+/// ... and more than that only where this share of all is impossible: with small faces, .11 at least, where .19 may be
+/// long. On surface nets it is .04 at most.
+const MAX_IMPOSSIBLE_SHARE: f64 = 0.06;
 /// Nearer labels are right in any case, in h: what is between them is too small.
 const MIN_DISPLACEMENT: f64 = 0.1;
 /// Fits that leave more than this, in h, may be as far off as their samples are: those of curved facets that are two
@@ -40,26 +48,29 @@ const MAX_VERTS: usize = 64;
 const SAME_SIDE_COSINE: f64 = 0.98;
 
 /// Takes back the labels that no crease explains, so that leftovers may get a fit of their own. Lone ones stay: they
-/// are beside others that have no label yet.
-pub(super) fn take_back_impossible_labels(surface: &Surface, fits: &mut VertexFits) {
+/// are beside others that have no label yet. Returns whether the samples are those of marching cubes: on others nothing
+/// is taken back.
+pub(super) fn take_back_impossible_labels(surface: &Surface, fits: &mut VertexFits) -> bool {
     let is_asked = |&(&v, fit): &(&Vert, &Option<Fit>)| {
         let is_asked = |fit: &Fit| fit.source == FitSource::Region && fit.rms <= MAX_RMS && is_far(fit);
         !surface.interior[v] && fit.as_ref().is_some_and(is_asked)
     };
     let asked = fits.verts.par_iter().zip(&fits.fits).filter(is_asked).map(|(&v, _)| v);
-    let found = asked.map_init(Vec::new, |rings, v| {
-        let fit = fits.get(v)?;
-        (!is_possible(surface, fits, v, fit, rings)).then_some(v)
-    });
-    let impossible: Vec<Vert> = found.flatten().collect();
+    let step = |rings: &mut Vec<u32>, v| Some((v, needed_step(surface, fits, v, fits.get(v)?, rings)?));
+    let steps: Vec<(Vert, f64)> = asked.map_init(Vec::new, step).flatten().collect();
+    let n_up_to = |step: f64| steps.iter().filter(|(_, needed)| *needed <= step).count();
+    let (n_possible, n_short) = (n_up_to(MAX_STEP), n_up_to(LONG_STEP));
+    let has_long = (n_possible - n_short) as f64 > MAX_LONG_SHARE * n_possible as f64;
+    let has_small_faces = (steps.len() - n_possible) as f64 > MAX_IMPOSSIBLE_SHARE * steps.len() as f64;
+    if has_long && !has_small_faces {
+        return false;
+    }
+    let impossible: Vec<Vert> = steps.iter().filter(|(_, step)| *step > MAX_STEP).map(|(v, _)| *v).collect();
     let is_impossible = |v: Vert| impossible.binary_search(&v).is_ok();
     for &v in impossible.iter().filter(|&&v| surface.neighbours(v).any(is_impossible)) {
         fits.take(v);
     }
-}
-
-fn is_far(fit: &Fit) -> bool {
-    fit.displacement.abs() >= MIN_DISPLACEMENT
+    true
 }
 
 /// Whether marching cubes can have put `v` beside a crease of the side that has the fit `own`, or whether there is no
@@ -71,6 +82,22 @@ pub(super) fn is_possible(
     own: &Fit,
     rings: &mut Vec<u32>,
 ) -> bool {
+    !is_far(own) || needed_step(surface, fits, v, own, rings).is_none_or(|step| step <= MAX_STEP)
+}
+
+fn is_far(fit: &Fit) -> bool {
+    fit.displacement.abs() >= MIN_DISPLACEMENT
+}
+
+/// The least edge of a grid, in h, that has the sample `v` if its side has the fit `own`, beside the other side that
+/// needs the least; none where no other side is near.
+fn needed_step(
+    surface: &Surface,
+    fits: &VertexFits,
+    v: Vert,
+    own: &Fit,
+    rings: &mut Vec<u32>,
+) -> Option<f64> {
     let Surface { mesh, h, near, .. } = surface;
     near.collect_rings(near.of[v], RINGS, MAX_VERTS, |_| true, rings);
     let step = |&i: &u32| {
@@ -80,7 +107,7 @@ pub(super) fn is_possible(
         let other = (-own.displacement.signum() * above).max(0.0);
         (cosine < SAME_SIDE_COSINE).then(|| least_step(own.displacement.abs(), other, cosine))
     };
-    rings.iter().filter_map(step).min_by(f64::total_cmp).is_none_or(|step| step <= MAX_STEP)
+    rings.iter().filter_map(step).min_by(f64::total_cmp)
 }
 
 /// The least edge of a grid that has a sample inside two sides by `u` and `v`, whose normals have this `cosine`.

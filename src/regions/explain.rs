@@ -62,6 +62,8 @@ const SIDE_RMS: f64 = 1e-4;
 /// ... and that is no farther off than this, in h, as far as samples are moved: beside acute edges marching cubes puts
 /// them off by .45. Nothing changes up to .7.
 const SIDE_DISPLACEMENT: f64 = 0.5;
+/// The same for samples of surface nets, which are deeper.
+const SIDE_DISPLACEMENT_IN_NETS: f64 = 0.7;
 
 /// The vertices of a group lie within this distance of its first one, in h: the patch is so much wider.
 const GROUP_REACH: f64 = 1.5;
@@ -90,14 +92,16 @@ pub(super) fn explain_by_regions(surface: &Surface) -> VertexFits {
 }
 
 /// Where samples are off the surface: gives the vertices that are without a fit that of an exact side beside them,
-/// though they are far off it, if a crease can explain them. One sample without a label leaves a gap in a crease.
-pub(super) fn explain_by_exact_sides(surface: &Surface, fits: &mut VertexFits) {
+/// though they are far off it: those of marching cubes if a crease can explain them. One sample without a label leaves
+/// a gap in a crease.
+pub(super) fn explain_by_exact_sides(surface: &Surface, fits: &mut VertexFits, is_marching_cubes: bool) {
     let is_open = |v: Vert, fit: Option<&Fit>| !surface.interior[v] && fit.is_none();
+    let max_displacement = if is_marching_cubes { SIDE_DISPLACEMENT } else { SIDE_DISPLACEMENT_IN_NETS };
     let is_exact_side =
-        |fit: &Fit| fit.is_plane() && fit.rms < SIDE_RMS && fit.displacement.abs() < SIDE_DISPLACEMENT;
+        |fit: &Fit| fit.is_plane() && fit.rms < SIDE_RMS && fit.displacement.abs() < max_displacement;
     explain_those(fits, is_open, |(explainer, rings): &mut (Explainer, Vec<u32>), fits, v| {
         let fit = explainer.explain_by(surface, surface, v).filter(is_exact_side)?;
-        chord::is_possible(surface, fits, v, &fit, rings).then_some(fit)
+        (!is_marching_cubes || chord::is_possible(surface, fits, v, &fit, rings)).then_some(fit)
     });
 }
 

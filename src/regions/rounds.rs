@@ -58,6 +58,12 @@ const OTHER_RADIUS: f64 = 0.015;
 /// on marching cubes, and a box with rounds of .73 h whose planes a grid happens to meet got a quarter more error.
 const RIM_RMS: f64 = 1e-3;
 
+/// If a fiftieth allow no more than this it is none either: on surface nets, whose samples are averages of those of a
+/// cell, .2 to .6 do, on marching cubes of rounds that half of them say are larger than .9 h .64 and more ...
+const SURE_NET_RADIUS: f64 = 0.6;
+/// ... and half of them no more than this: 1.18 at most on surface nets.
+const LARGEST_NET_RADIUS: f64 = 1.2;
+
 /// Residuals up to this, in h, are those of small holes, where the noise of the mesh is less than [`CLEAN_NOISE`].
 const CURVED_RMS: f64 = 0.025;
 
@@ -103,9 +109,14 @@ pub(super) fn judge_by_radius(
             && half <= LARGEST_SPREAD_RADIUS
             && half - tenth > OTHER_RADIUS
             && depths[0] < ON_SIDE;
+        let is_net =
+            is_exact && quantile(&mut reaches, 0.02) <= SURE_NET_RADIUS && half <= LARGEST_NET_RADIUS;
         if is_on_round && tenth > SURE_RADIUS {
             strip.fate = Fate::Round;
-        } else if half <= largest && (tenth <= SURE_RADIUS || is_exact && half <= LARGEST_RADIUS) || is_rim {
+        } else if half <= largest && (tenth <= SURE_RADIUS || is_exact && half <= LARGEST_RADIUS)
+            || is_rim
+            || is_net
+        {
             strip.fate = Fate::Kept;
         }
     }

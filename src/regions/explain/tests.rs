@@ -31,7 +31,7 @@ fn what_nothing_explains_is_part_of_an_exact_side_if_that_is_not_too_far() {
         let surface = Surface::new(&m, &normals, &labels(&m).1);
         assert!(!surface.interior[v]);
         let mut fits = VertexFits::none(m.n_verts(), surface.doubtful.clone());
-        explain_by_exact_sides(&surface, &mut fits);
+        explain_by_exact_sides(&surface, &mut fits, true);
         fits.get(v).map(|fit| (fit.normal, fit.displacement))
     };
     let (normal, displacement) = found(0.45, 0.0).unwrap();
