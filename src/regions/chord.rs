@@ -14,7 +14,8 @@
 //! region.
 //!
 //! Based on: nothing in the papers.
-//! In/out: `Surface` + fits, where samples are off the surface -> fits without such labels.
+//! In/out: `Surface` + fits, where samples are off the surface -> fits without such labels; whether the samples are
+//! those of marching cubes.
 //! Cost: O(vertices whose label is far from them), each with two rings, in parallel.
 
 use rayon::prelude::*;
@@ -118,6 +119,7 @@ fn least_step(u: f64, v: f64, cosine: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::mesh::Mesh;
     use crate::mesh::tests::mesh;
     use crate::regions::label::tests::surface;
     use crate::regions::tests::{labels, planes};
@@ -152,12 +154,16 @@ mod tests {
         }
     }
 
+    fn strip() -> Mesh {
+        let points: Vec<_> = (0..8).map(|i| [f64::from(i / 2), f64::from(i % 2), 0.0]).collect();
+        mesh(&points, &[[0, 2, 3], [0, 3, 1], [2, 4, 5], [2, 5, 3], [4, 6, 7], [4, 7, 5]])
+    }
+
     // 1---3---5---7   The samples 2 and 3 are 0.3 below the one side, so far inside of the other one, whose label 6
     // | / | / | / |   and 7 have.
     // 0---2---4---6
     fn labels_left(inside: f64, labelled: &[usize], change: impl Fn(&mut Surface, &mut Fit)) -> usize {
-        let points: Vec<_> = (0..8).map(|i| [f64::from(i / 2), f64::from(i % 2), 0.0]).collect();
-        let m = mesh(&points, &[[0, 2, 3], [0, 3, 1], [2, 4, 5], [2, 5, 3], [4, 6, 7], [4, 7, 5]]);
+        let m = strip();
         let normals = labels(&m).0;
         let mut surface = surface(&m, &normals);
         let ridge = |&v: &usize| (v, DVec3::Z, 0.3, Region);
@@ -197,6 +203,22 @@ mod tests {
         };
         assert_eq!(left(&interior), 2);
         assert_eq!(left(&|_, _| ()), 0);
+    }
+
+    #[test]
+    fn samples_that_need_long_steps_are_those_of_surface_nets() {
+        let is_marching_cubes = |inside: [f64; 2]| {
+            let m = strip();
+            let normals = labels(&m).0;
+            let surface = surface(&m, &normals);
+            let [a, b] = inside.map(|inside| inside - 2.0);
+            let list = [(2, DVec3::Z, 0.3, Region), (3, DVec3::Z, 0.3, Region), (6, DVec3::X, a, Leftover)];
+            let list = [&list[..], &[(7, DVec3::X, b, Leftover)]].concat();
+            take_back_impossible_labels(&surface, &mut planes(&m, &list))
+        };
+        assert!(is_marching_cubes([0.2, 0.2]));
+        assert!(!is_marching_cubes([0.5, 0.5]), "steps of 1.11");
+        assert!(is_marching_cubes([0.7, 0.7]), "small faces");
     }
 
     #[test]

@@ -63,6 +63,8 @@ const RIM_RMS: f64 = 1e-3;
 const SURE_NET_RADIUS: f64 = 0.6;
 /// ... and half of them no more than this: 1.18 at most on surface nets.
 const LARGEST_NET_RADIUS: f64 = 1.2;
+/// Shorter strips than this are left as they are, by this too.
+const SHORT_NET_STRIP: usize = 5;
 
 /// Residuals up to this, in h, are those of small holes, where the noise of the mesh is less than [`CLEAN_NOISE`].
 const CURVED_RMS: f64 = 0.025;
@@ -94,32 +96,39 @@ pub(super) fn judge_by_radius(
         }
     }
     for (strip, samples) in strips.iter_mut().zip(samples) {
-        let Some(samples) = samples.filter(|samples| !samples.is_empty()) else { continue };
-        let values = |of: fn(&Inside) -> f64| samples.iter().map(of).collect::<Vec<f64>>();
-        let mut radii = values(|sample| sample.radius);
-        let mut reaches = values(|sample| sample.reach);
-        let mut depths = values(|sample| sample.depth);
-        let (tenth, half) = (quantile(&mut reaches, 0.1), quantile(&mut reaches, 0.5));
-        let is_exact = strip.rms <= STRIP_RMS;
-        let largest = if is_exact { LARGEST_SPREAD_RADIUS } else { LARGEST_RADIUS };
-        let depths = [0.5, 0.75, 0.9].map(|share| quantile(&mut depths, share));
-        let is_on_round = quantile(&mut radii, 0.5) - quantile(&mut radii, 0.02) < SAME_RADIUS
-            && depths.windows(2).all(|d| d[1] - d[0] > OTHER_DEPTH);
-        let is_rim = strip.rms > RIM_RMS
-            && half <= LARGEST_SPREAD_RADIUS
-            && half - tenth > OTHER_RADIUS
-            && depths[0] < ON_SIDE;
-        let is_net =
-            is_exact && quantile(&mut reaches, 0.02) <= SURE_NET_RADIUS && half <= LARGEST_NET_RADIUS;
-        if is_on_round && tenth > SURE_RADIUS {
-            strip.fate = Fate::Round;
-        } else if half <= largest && (tenth <= SURE_RADIUS || is_exact && half <= LARGEST_RADIUS)
-            || is_rim
-            || is_net
-        {
-            strip.fate = Fate::Kept;
+        let samples = samples.filter(|samples| !samples.is_empty());
+        if let Some(fate) = samples.and_then(|samples| fate_by(strip, &samples)) {
+            strip.fate = fate;
         }
     }
+}
+
+/// What the radii at the samples of `strip` make of it, if they say anything.
+fn fate_by(strip: &Strip, samples: &[Inside]) -> Option<Fate> {
+    let values = |of: fn(&Inside) -> f64| samples.iter().map(of).collect::<Vec<f64>>();
+    let mut reaches = values(|sample| sample.reach);
+    let [fiftieth, tenth, half] = [0.02, 0.1, 0.5].map(|share| quantile(&mut reaches, share));
+    let is_exact = strip.rms <= STRIP_RMS;
+    if is_exact && fiftieth <= SURE_NET_RADIUS && half <= LARGEST_NET_RADIUS {
+        return Some(Fate::Kept);
+    }
+    if strip.n_edges < LONG_STRIP {
+        return None;
+    }
+    let (mut radii, mut depths) = (values(|sample| sample.radius), values(|sample| sample.depth));
+    let depths = [0.5, 0.75, 0.9].map(|share| quantile(&mut depths, share));
+    let is_on_round = quantile(&mut radii, 0.5) - quantile(&mut radii, 0.02) < SAME_RADIUS
+        && depths.windows(2).all(|d| d[1] - d[0] > OTHER_DEPTH);
+    if is_on_round && tenth > SURE_RADIUS {
+        return Some(Fate::Round);
+    }
+    let largest = if is_exact { LARGEST_SPREAD_RADIUS } else { LARGEST_RADIUS };
+    let is_crease = half <= largest && (tenth <= SURE_RADIUS || is_exact && half <= LARGEST_RADIUS);
+    let is_rim = strip.rms > RIM_RMS
+        && half <= LARGEST_SPREAD_RADIUS
+        && half - tenth > OTHER_RADIUS
+        && depths[0] < ON_SIDE;
+    (is_crease || is_rim).then_some(Fate::Kept)
 }
 
 /// Whether the radius has a say about `strip`.
@@ -130,7 +139,7 @@ fn has_a_say(strip: &Strip, noise: f64) -> bool {
         _ => false,
     };
     let max_rms = if noise < CLEAN_NOISE { CURVED_RMS } else { STRIP_RMS };
-    is_far_inside && strip.n_edges >= LONG_STRIP && strip.rms <= max_rms && strip.guessed < ROUND_GUESSED
+    is_far_inside && strip.n_edges >= SHORT_NET_STRIP && strip.rms <= max_rms && strip.guessed < ROUND_GUESSED
 }
 
 /// What this share of `values` does not exceed.

@@ -21,7 +21,7 @@ fn what_nothing_explains_is_part_of_an_exact_side_if_that_is_not_too_far() {
     // A sample in the middle of a side goes inside, and all of them may be a little uneven.
     let flat = cut_cube(10);
     let h = Surface::new(&flat, &flat.face_normals(), &labels(&flat).1).h;
-    let found = |off: f64, uneven: f64| {
+    let sample = |off: f64, uneven: f64, is_marching_cubes: bool| {
         let (mut points, faces) = flat.clone().into_parts();
         let v = Vert::new(points.iter().position(|p| *p == DVec3::new(4.5, 4.5, 0.0)).unwrap());
         points.iter_mut().enumerate().for_each(|(i, p)| p.z += uneven * (7.0 * i as f64).sin());
@@ -31,14 +31,17 @@ fn what_nothing_explains_is_part_of_an_exact_side_if_that_is_not_too_far() {
         let surface = Surface::new(&m, &normals, &labels(&m).1);
         assert!(!surface.interior[v]);
         let mut fits = VertexFits::none(m.n_verts(), surface.doubtful.clone());
-        explain_by_exact_sides(&surface, &mut fits, true);
+        explain_by_exact_sides(&surface, &mut fits, is_marching_cubes);
         fits.get(v).map(|fit| (fit.normal, fit.displacement))
     };
+    let found = |off: f64, uneven: f64| sample(off, uneven, true);
     let (normal, displacement) = found(0.45, 0.0).unwrap();
     assert!(normal.distance(-DVec3::Z) < 1e-4 && (displacement - 0.45).abs() < 0.02, "{displacement}");
     assert_eq!(found(0.55, 0.0), None);
     assert_eq!(found(0.45, 1e-3), None);
     assert_eq!([1e-4, 2e-4].map(|uneven| found(0.45, uneven).is_some()), [true, false]);
+    // Those of surface nets may be deeper.
+    assert_eq!([0.65, 0.75].map(|off| sample(off, 0.0, false).is_some()), [true, false]);
 }
 
 #[test]

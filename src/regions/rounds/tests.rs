@@ -206,7 +206,7 @@ fn long_strips_that_are_off_their_fits_are_asked() {
         has_a_say(&strip, noise)
     };
     assert!(says(&|_| (), 0.005));
-    assert!(!says(&|strip| strip.n_edges = LONG_STRIP - 1, 0.005));
+    assert!(!says(&|strip| strip.n_edges = SHORT_NET_STRIP - 1, 0.005));
     assert!(!says(&|strip| strip.guessed = ROUND_GUESSED, 0.005));
     assert!(!says(&|strip| strip.fate = Fate::PoorFits, 0.005));
     let kept = |inward: f64| says(&|strip| (strip.fate, strip.inward) = (Fate::Kept, inward), 0.005);
@@ -255,4 +255,23 @@ fn samples_of_a_round_are_at_more_depths_than_two() {
     };
     assert_eq!(judged_along(level(30.0, 36.0), level(60.0, 54.0), kept).fate, Fate::Kept);
     assert_eq!(judged_along(level(0.0, 45.0), level(90.0, 45.0), kept).fate, Fate::Round);
+}
+
+#[test]
+fn strips_with_some_samples_next_to_the_crease_are_those_of_surface_nets() {
+    let fate = |nearest: f64, farthest: f64, change: &dyn Fn(&mut Strip)| {
+        let away = move |t: f64| (nearest + (farthest - nearest) * t) * H;
+        let change = |strip: &mut Strip| {
+            strip.fate = Fate::FarFromFits;
+            change(strip);
+        };
+        judged_along(|t| [-away(t), -0.05 * H], |t| [-0.05 * H, -away(t)], change).fate
+    };
+    // Radii of .25 to 1.7, half of them less than 1.05.
+    assert_eq!(fate(0.1, 1.3, &|_| ()), Fate::Kept);
+    assert_eq!(fate(0.1, 1.3, &|strip| strip.n_edges = 5), Fate::Kept);
+    assert_eq!(fate(0.1, 1.3, &|strip| strip.n_edges = 4), Fate::FarFromFits);
+    assert_eq!(fate(0.1, 1.3, &|strip| strip.rms = 0.011), Fate::FarFromFits, "no exact sides");
+    assert_eq!(fate(0.45, 1.3, &|_| ()), Fate::FarFromFits, "no sample next to the crease");
+    assert_eq!(fate(0.1, 1.8, &|_| ()), Fate::FarFromFits, "half of them far from it");
 }
