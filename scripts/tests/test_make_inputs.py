@@ -90,8 +90,8 @@ def test_vertices_are_exactly_on_the_surface(method):
     assert measure.nearest(vertices, *surface)[0].max() < 1e-9
 
 
-@pytest.mark.parametrize("method", ["mc", "mcaxis"])
-def test_marching_cubes_leaves_the_surface_next_to_creases_only(method):
+@pytest.mark.parametrize("method", ["mc", "mcaxis", "nets"])
+def test_grids_leave_the_surface_next_to_creases_only(method):
     vertices, faces = sample("cube", method, SMALL)
     mesh = original("cube")
     off = measure.nearest(vertices, *mesh)[0]
@@ -102,12 +102,22 @@ def test_marching_cubes_leaves_the_surface_next_to_creases_only(method):
     assert off[from_crease > 2 * edge].max() < 1e-12
 
 
-@pytest.mark.parametrize("method", ["mc", "mcaxis", "mi", "remesh"])
+@pytest.mark.parametrize("method", ["mc", "mcaxis", "nets", "mi", "remesh"])
 def test_samplings_are_blind_to_creases(method, tmp_path):
     meshes.write_obj(tmp_path / "cube.obj", *original("cube"))
     meshes.write_obj(tmp_path / "sampled.obj", *sample("cube", method, SMALL))
     figures = measure.measure(tmp_path / "cube.obj", tmp_path / "sampled.obj")
     assert figures["crease"] < 25 and figures["corners"] == 0
+
+
+def test_surface_nets_are_closed_and_oriented():
+    vertices, faces = sample("bracket", "nets", SMALL)
+    counts = measure.topology((vertices, faces), meshes.edges_of(faces))
+    assert counts["border_edges"] == counts["misoriented_edges"] == 0
+    assert counts["nonmanifold_edges"] < 0.01 * SMALL
+    volume = make_inputs.volume(vertices, faces)
+    assert volume == pytest.approx(make_inputs.volume(*original("bracket")), rel=0.1)
+    assert abs(len(faces) / SMALL - 1) <= make_inputs.FACES_TOLERANCE
 
 
 def test_a_scan_covers_the_surface():
