@@ -46,7 +46,8 @@ pub struct Arguments {
     pub smooth_angle: Option<f64>,
 
     /// The farthest that a new vertex may go from the middle of its edge, in lengths of that edge
-    /// [default: 1.5; with --paper no created edge may be longer than the longest one of the input].
+    /// [default: 1.5, between flat sides 3; with --paper no created edge may be longer than the longest
+    /// one of the input].
     #[arg(long, value_name = "TIMES", value_parser = positive_or_zero)]
     pub max_shift: Option<f64>,
 

@@ -28,8 +28,8 @@ pub struct Options {
     pub method: Method,
     /// Which edges count as smooth.
     pub smooth: SmoothThreshold,
-    /// The farthest that an inserted vertex may go from the middle, in lengths of the split edge.
-    /// [`Method::Paper`] has a rule of its own unless this is set.
+    /// The farthest that an inserted vertex may go from the middle, in lengths of the split edge: 1.5 unless this is
+    /// set, and 3 between flat sides. [`Method::Paper`] has a rule of its own then.
     pub max_shift: Option<f64>,
     /// Whether chamfers are looked for at all. If not, what is sharp is taken from `sharp_angle` and
     /// `sharp_edges`, for bending.
@@ -76,11 +76,6 @@ impl Default for Options {
 impl Options {
     pub(crate) fn classify_options(&self) -> ClassifyOptions {
         ClassifyOptions { threshold: self.smooth, border_is_smooth: self.method != Method::Paper }
-    }
-
-    /// The farthest that a vertex placed by region fits may go.
-    pub(crate) fn max_shift(&self) -> f64 {
-        self.max_shift.unwrap_or(crate::regions::MAX_SHIFT)
     }
 
     pub(crate) fn place_rules(&self) -> PlaceRules {

@@ -65,7 +65,7 @@ use crate::refine::Knots;
 pub use apex::Apex;
 pub use fits::VertexFits;
 pub use gates::{Fate, OffSurface, Strip};
-pub use place::{MAX_SHIFT, place_by_fits};
+pub use place::place_by_fits;
 use surface::{Surface, edges_at};
 pub use verdict::{Support, Verdict, verdict};
 
@@ -199,8 +199,12 @@ fn meet_in_crease(p: &Fit, q: &Fit, middle: DVec3, h: f64) -> bool {
     if cosine < -(1.0 - place::MIN_SINE * place::MIN_SINE).sqrt() {
         return false;
     }
-    let is_flat = |fit: &Fit| fit.is_plane() && fit.rms < FLAT_RMS && fit.source == FitSource::Region;
     cosine < CHAMFER_ANGLE.cos() || cosine < FLAT_CHAMFER_ANGLE.cos() && is_flat(p) && is_flat(q)
+}
+
+/// Whether `fit` is the plane of a smooth region that has no curvature.
+fn is_flat(fit: &Fit) -> bool {
+    fit.is_plane() && fit.rms < FLAT_RMS && fit.source == FitSource::Region
 }
 
 /// Whether two faces at `v` make at least half of the angle of a crease, as those beside a chamfer do.

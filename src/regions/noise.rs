@@ -147,7 +147,7 @@ mod tests {
     use crate::mesh::Mesh;
     use crate::place::Outcome;
     use crate::regions::tests::{cut_cube, labels};
-    use crate::regions::{MAX_SHIFT, label_by_fits, place_by_fits};
+    use crate::regions::{label_by_fits, place_by_fits};
 
     /// The cube [0, n]³ with samples that are off its sides by up to `most`, in any way.
     fn noisy_cube(n: usize, most: f64) -> Mesh {
@@ -192,7 +192,7 @@ mod tests {
         let before = mean_square(&mut found.moved.iter().map(|&(v, _)| m.point(v)));
         let after = mean_square(&mut found.moved.iter().map(|&(_, p)| p));
         assert!(after < 0.25 * before, "{before} {after}");
-        let placement = place_by_fits(&m, &found, MAX_SHIFT);
+        let placement = place_by_fits(&m, &found, None);
         let on_feature = placement.outcomes.iter().filter(|&&outcome| outcome == Outcome::Moved).count();
         assert!(on_feature > 12 * (2 * n - 1) * 4 / 5, "{on_feature}");
     }

@@ -17,7 +17,7 @@ mod corners;
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::RegionLabels;
+use super::{RegionLabels, is_flat};
 use crate::fit::{Fit, FitSource};
 use crate::geometry::{Plane, nearest_on_all, nearest_on_both};
 use crate::mesh::{Face, Half, Mesh, Vert};
@@ -35,8 +35,11 @@ const MAX_STEP: f64 = 4.0;
 /// fit by more than this share of their distance, or both fall below it.
 const MIXED: f64 = 0.02;
 /// A new vertex goes at most this many times the split edge (a corner's: the longest edge) from the
-/// middle. At 1.5 correct acute edges pass and no spike does ...
-pub const MAX_SHIFT: f64 = 1.5;
+/// middle. At 1.5 most acute edges pass and no spike does ...
+const MAX_SHIFT: f64 = 1.5;
+/// ... twice as many between flat sides, which say exactly where they meet: edges of 35 degrees and corners of
+/// tetrahedra need up to 2 (wedges have a third to a thousandth of the error); at 4.5 nothing else moves ...
+const MAX_SHIFT_OF_FLAT: f64 = 3.0;
 /// ... but where a fit is a guess or leaves a residual of more than [`POOR_RMS`] (in h), and on mixed
 /// strips, half of that.
 const MAX_SHIFT_OF_GUESS: f64 = 0.75;
@@ -52,9 +55,9 @@ const CORNER_CUTOFF: f64 = 0.1;
 
 /// Places a new vertex on every chamfer edge and in every corner triangle of `labels`: where the fits of
 /// their ends meet, nearest to the middle. The farthest that a new vertex may go is `max_shift` times the
-/// split edge ([`MAX_SHIFT`] unless one knows better).
+/// split edge; if that is not given, 1.5 times it, and 3 times between flat sides.
 #[must_use]
-pub fn place_by_fits(mesh: &Mesh, labels: &RegionLabels, max_shift: f64) -> Placement {
+pub fn place_by_fits(mesh: &Mesh, labels: &RegionLabels, max_shift: Option<f64>) -> Placement {
     let mut inserts = Inserts::in_the_middle_of(mesh, &labels.chamfers, &labels.corner_faces);
     inserts.moved.clone_from(&labels.moved);
     let placing = Placing { mesh, labels, max_shift };
@@ -85,7 +88,7 @@ impl Found {
 struct Placing<'a> {
     mesh: &'a Mesh,
     labels: &'a RegionLabels,
-    max_shift: f64,
+    max_shift: Option<f64>,
 }
 
 impl Placing<'_> {
@@ -104,6 +107,12 @@ impl Placing<'_> {
     /// The lengths of an edge that limits are multiples of.
     fn reach(&self, length: f64) -> f64 {
         length.max(MIN_EDGE * self.labels.mean_edge)
+    }
+
+    /// The farthest that a new vertex between `fits` may go, in lengths of its edge.
+    fn max_shift(&self, fits: &[&Fit]) -> f64 {
+        let are_flat = || fits.iter().all(|fit| is_flat(fit));
+        self.max_shift.unwrap_or_else(|| if are_flat() { MAX_SHIFT_OF_FLAT } else { MAX_SHIFT })
     }
 
     /// Fits with a larger residual are poor.
@@ -133,7 +142,7 @@ impl Placing<'_> {
         let is_mixed = self.is_mixed([p, q], [a, b]);
         let is_poor = |fit: &Fit| fit.rms > self.poor_rms() || fit.source != FitSource::Region;
         let is_doubtful = is_poor(p) || is_poor(q);
-        let times = if is_doubtful || is_mixed { MAX_SHIFT_OF_GUESS } else { self.max_shift };
+        let times = if is_doubtful || is_mixed { MAX_SHIFT_OF_GUESS } else { self.max_shift(&[p, q]) };
         let is_near = point.distance(centre) <= times * self.reach(length);
         let outcome = match (is_mixed, is_near) {
             (true, true) if !is_doubtful => Outcome::Moved,
@@ -158,7 +167,6 @@ impl Placing<'_> {
         let points = corners.map(|v| self.point(v));
         let centre = points.into_iter().sum::<DVec3>() / 3.0;
         let longest = (0..3).map(|i| points[i].distance(points[(i + 1) % 3])).fold(0.0, f64::max);
-        let limit = self.max_shift * longest;
 
         let mut verts = corners.to_vec();
         let across = f.halves().into_iter().filter_map(|h| self.mesh.twin(h)).map(Half::face);
@@ -170,6 +178,7 @@ impl Placing<'_> {
             }
         }
         let fits: Vec<&Fit> = verts.iter().filter_map(|&v| self.labels.fits.get(v)).collect();
+        let limit = self.max_shift(&fits) * longest;
         let mut point = centre;
         for _ in 0..NEWTON_STEPS {
             let planes: Vec<Plane> = fits.iter().map(|fit| self.plane(fit, point)).collect();
@@ -211,7 +220,7 @@ mod tests {
         let chamfers = vec![Half::new(2)];
         let mut labels = RegionLabels { mean_edge: 1.0, fits, chamfers, ..RegionLabels::default() };
         edit(&mut labels);
-        let placement = place_by_fits(m, &labels, MAX_SHIFT);
+        let placement = place_by_fits(m, &labels, None);
         (placement.inserts.points[0], placement.outcomes[0])
     }
 
@@ -225,8 +234,12 @@ mod tests {
         let (point, outcome) = place(steep(1.0), Region);
         assert_eq!(outcome, Outcome::Moved);
         assert!(point.distance(dvec3(0.5, 0.5, 1.0)) < 1e-12, "{point}");
-        // At 2.5 times the slope it is 2.5 high and 1.77 edges from the middle.
-        assert_eq!(place(steep(2.5), Region), (middle, Outcome::TooFar));
+        // At 2.5 times the slope it is 2.5 high and 1.77 edges from the middle: planes may go as far, curved sides not.
+        assert_eq!(place(steep(2.5), Region).1, Outcome::Moved);
+        assert_eq!(place(steep(4.5), Region), (middle, Outcome::TooFar));
+        let curved =
+            |labels: &mut RegionLabels| labels.fits.fits.iter_mut().flatten().for_each(|fit| fit.rms = 0.011);
+        assert_eq!(place_diagonal(&m, steep(2.5), Region, curved), (middle, Outcome::TooFar));
         assert_eq!(place(steep(1.5), Region).1, Outcome::Moved);
         // A guess may go half as far.
         assert_eq!(place(steep(1.5), Adopted), (middle, Outcome::TooFar));
@@ -250,6 +263,18 @@ mod tests {
         // Nine degrees apart are parallel, and so is antiparallel.
         assert_eq!(place([DVec3::Z, dvec3(0.07, 0.07, 1.0)], Region), (middle, Outcome::Parallel));
         assert_eq!(place([DVec3::Z, -DVec3::Z], Region), (middle, Outcome::Parallel));
+    }
+
+    #[test]
+    fn a_limit_that_is_given_holds_for_planes_too() {
+        let m = square();
+        let normals = [dvec3(-2.5, -2.5, 1.0), dvec3(2.5, 2.5, 1.0)];
+        let fits =
+            planes(&m, &[(0, normals[0].normalize(), 0.0, Region), (2, normals[1].normalize(), 0.0, Region)]);
+        let labels =
+            RegionLabels { mean_edge: 1.0, fits, chamfers: vec![Half::new(2)], ..RegionLabels::default() };
+        let outcome = |max_shift: f64| place_by_fits(&m, &labels, Some(max_shift)).outcomes[0];
+        assert_eq!([1.5, 1.8].map(outcome), [Outcome::TooFar, Outcome::Moved]);
     }
 
     #[test]
@@ -296,7 +321,7 @@ mod tests {
                 moved,
                 ..RegionLabels::default()
             };
-            let placement = place_by_fits(&m, &labels, MAX_SHIFT);
+            let placement = place_by_fits(&m, &labels, None);
             (placement.inserts.points[5], placement.outcomes[5])
         };
         for faces in [&[0][..], &[0, 1]] {

@@ -156,7 +156,7 @@ mod tests {
         let m = cut_cube(n);
         let (normals, labels) = super::super::tests::labels(&m);
         let regions = label_by_fits(&m, &normals, &labels);
-        let placement = place_by_fits(&m, &regions, crate::regions::MAX_SHIFT);
+        let placement = place_by_fits(&m, &regions, None);
         let verdict = verdict(&m, &regions, &placement);
         assert_eq!(verdict.creases.len(), 12);
         for crease in &verdict.creases {

@@ -2,7 +2,7 @@ use super::*;
 use crate::mesh::Mesh;
 use crate::mesh::tests::mesh;
 use crate::regions::tests::labels;
-use crate::regions::{MAX_SHIFT, RegionLabels, label_by_fits, place_by_fits, verdict};
+use crate::regions::{RegionLabels, label_by_fits, place_by_fits, verdict};
 use approx::assert_relative_eq;
 use glam::dvec3;
 
@@ -44,7 +44,7 @@ fn a_cone_gets_its_apex_back_and_nothing_else_moves() {
         assert_eq!(m.point(apex.vertex).truncate(), glam::dvec2(10.0 - 9.7, 10.0 - 10.4));
         assert_eq!(found.moved, [(apex.vertex, apex.point)]);
         assert!(found.chamfers.is_empty());
-        let placement = place_by_fits(&m, &found, MAX_SHIFT);
+        let placement = place_by_fits(&m, &found, None);
         assert_eq!(placement.inserts.moved, found.moved);
         let corners = verdict(&m, &found, &placement).corners;
         let support: Vec<_> = corners.iter().map(|c| (c.at, c.edges, c.least_samples, c.placed)).collect();

@@ -17,7 +17,7 @@
 
 use glam::DVec3;
 
-use super::{Found, MAX_SHIFT_OF_GUESS, Placing};
+use super::{Found, MAX_SHIFT, MAX_SHIFT_OF_GUESS, Placing};
 use crate::fit::Fit;
 use crate::mesh::{Face, Half};
 use crate::place::Outcome;
@@ -73,7 +73,7 @@ impl Placing<'_> {
             let found = &on_edges[self.number(inserts, h)];
             let has_no_place = matches!(found.outcome, Outcome::Mixed | Outcome::TooFar) || found.is_mixed;
             let (n_joined, times) = if self.has_no_length(in_corners, &crease, corner) {
-                (crease.len(), self.max_shift)
+                (crease.len(), self.max_shift.unwrap_or(MAX_SHIFT))
             } else {
                 let n_beyond = self.n_beyond(inserts, on_edges, &crease, corner);
                 (n_beyond.max(usize::from(has_no_place)), MAX_SHIFT_OF_GUESS)
@@ -151,7 +151,7 @@ mod tests {
     use crate::fit::FitSource::Region;
     use crate::mesh::tests::mesh;
     use crate::regions::tests::planes;
-    use crate::regions::{MAX_SHIFT, RegionLabels, place_by_fits};
+    use crate::regions::{RegionLabels, place_by_fits};
     use glam::dvec3;
 
     // 2 . 0-----3-----5     Sides z = 0 (0, 3, 5), y = 0 (1, 4) and x = 0 (2) meet in the corner (0, 0, 0); the
@@ -179,7 +179,7 @@ mod tests {
         chamfers.sort_unstable();
         let corner_faces = vec![Face::new(0)];
         let labels = RegionLabels { mean_edge: 1.0, fits, chamfers, corner_faces, ..RegionLabels::default() };
-        let placement = place_by_fits(&m, &labels, MAX_SHIFT);
+        let placement = place_by_fits(&m, &labels, None);
         let new = |h| placement.inserts.on_edge[h].index() - m.n_verts();
         let at = |h| (placement.inserts.points[new(h)], placement.outcomes[new(h)]);
         crease.iter().map(edge).map(at).collect()
@@ -229,7 +229,7 @@ mod tests {
             corner_faces: [0, 2].map(Face::new).to_vec(),
             ..RegionLabels::default()
         };
-        let placement = place_by_fits(&m, &labels, MAX_SHIFT);
+        let placement = place_by_fits(&m, &labels, None);
         let crease = [1, 2].map(|f| Face::new(f).half(0));
         let new = crease.map(|h| placement.inserts.on_edge[h].index() - m.n_verts());
         new.map(|i| (placement.inserts.points[i], placement.outcomes[i])).to_vec()
