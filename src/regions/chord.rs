@@ -52,12 +52,12 @@ const SAME_SIDE_COSINE: f64 = 0.98;
 /// are beside others that have no label yet. Returns whether the samples are those of marching cubes: on others nothing
 /// is taken back.
 pub(super) fn take_back_impossible_labels(surface: &Surface, fits: &mut VertexFits) -> bool {
-    let is_asked = |&(&v, fit): &(&Vert, &Option<Fit>)| {
-        let is_asked = |fit: &Fit| fit.source == FitSource::Region && fit.rms <= MAX_RMS && is_far(fit);
-        !surface.interior[v] && fit.as_ref().is_some_and(is_asked)
+    let is_asked = |v: Vert, fit: &Fit| {
+        !surface.interior[v] && fit.source == FitSource::Region && fit.rms <= MAX_RMS && is_far(fit)
     };
-    let asked = fits.verts.par_iter().zip(&fits.fits).filter(is_asked).map(|(&v, _)| v);
-    let step = |rings: &mut Vec<u32>, v| Some((v, needed_step(surface, fits, v, fits.get(v)?, rings)?));
+    let verts = fits.verts.par_iter().zip(&fits.fits);
+    let asked = verts.filter_map(|(&v, fit)| Some((v, fit.as_ref().filter(|fit| is_asked(v, fit))?)));
+    let step = |rings: &mut Vec<u32>, (v, fit)| Some((v, needed_step(surface, fits, v, fit, rings)?));
     let steps: Vec<(Vert, f64)> = asked.map_init(Vec::new, step).flatten().collect();
     let n_up_to = |step: f64| steps.iter().filter(|(_, needed)| *needed <= step).count();
     let (n_possible, n_short) = (n_up_to(MAX_STEP), n_up_to(LONG_STEP));
@@ -69,7 +69,7 @@ pub(super) fn take_back_impossible_labels(surface: &Surface, fits: &mut VertexFi
     let impossible: Vec<Vert> = steps.iter().filter(|(_, step)| *step > MAX_STEP).map(|(v, _)| *v).collect();
     let is_impossible = |v: Vert| impossible.binary_search(&v).is_ok();
     for &v in impossible.iter().filter(|&&v| surface.neighbours(v).any(is_impossible)) {
-        fits.take(v);
+        fits.remove(v);
     }
     true
 }

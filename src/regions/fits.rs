@@ -44,8 +44,8 @@ impl VertexFits {
         made
     }
 
-    /// Takes the fit of `v` away.
-    pub(super) fn take(&mut self, v: Vert) {
+    /// Leaves `v` without a fit.
+    pub(super) fn remove(&mut self, v: Vert) {
         self.fits[self.slot[v] as usize] = None;
     }
 

@@ -151,10 +151,11 @@ pub struct OffSurface {
 impl OffSurface {
     /// Whether they are, so that they have to be moved.
     pub(super) fn is_likely(self) -> bool {
-        let is_exact = self.exact >= EXACT_SHARE;
-        let (least, least_of_all) =
-            if is_exact { (EXACT_OFF_SHARE, 0.0) } else { (OFF_SHARE, OFF_SHARE_OF_ALL) };
-        self.share >= least && self.witnesses >= WITNESS_SHARE && self.share * self.witnesses >= least_of_all
+        let is_polyhedron = self.exact >= EXACT_SHARE && self.share >= EXACT_OFF_SHARE;
+        is_polyhedron
+            || self.share >= OFF_SHARE
+                && self.witnesses >= WITNESS_SHARE
+                && self.share * self.witnesses >= OFF_SHARE_OF_ALL
     }
 }
 

@@ -216,11 +216,21 @@ mod tests {
         source: FitSource,
         edit: impl Fn(&mut RegionLabels),
     ) -> (DVec3, Outcome) {
+        place_diagonal_up_to(None, m, [n, q], source, edit)
+    }
+
+    fn place_diagonal_up_to(
+        max_shift: Option<f64>,
+        m: &Mesh,
+        [n, q]: [DVec3; 2],
+        source: FitSource,
+        edit: impl Fn(&mut RegionLabels),
+    ) -> (DVec3, Outcome) {
         let fits = planes(m, &[(0, n.normalize(), 0.0, Region), (2, q.normalize(), 0.0, source)]);
         let chamfers = vec![Half::new(2)];
         let mut labels = RegionLabels { mean_edge: 1.0, fits, chamfers, ..RegionLabels::default() };
         edit(&mut labels);
-        let placement = place_by_fits(m, &labels, None);
+        let placement = place_by_fits(m, &labels, max_shift);
         (placement.inserts.points[0], placement.outcomes[0])
     }
 
@@ -269,11 +279,7 @@ mod tests {
     fn a_limit_that_is_given_holds_for_planes_too() {
         let m = square();
         let normals = [dvec3(-2.5, -2.5, 1.0), dvec3(2.5, 2.5, 1.0)];
-        let fits =
-            planes(&m, &[(0, normals[0].normalize(), 0.0, Region), (2, normals[1].normalize(), 0.0, Region)]);
-        let labels =
-            RegionLabels { mean_edge: 1.0, fits, chamfers: vec![Half::new(2)], ..RegionLabels::default() };
-        let outcome = |max_shift: f64| place_by_fits(&m, &labels, Some(max_shift)).outcomes[0];
+        let outcome = |max_shift: f64| place_diagonal_up_to(Some(max_shift), &m, normals, Region, |_| {}).1;
         assert_eq!([1.5, 1.8].map(outcome), [Outcome::TooFar, Outcome::Moved]);
     }
 

@@ -63,7 +63,7 @@ const RIM_RMS: f64 = 1e-3;
 const SURE_NET_RADIUS: f64 = 0.6;
 /// ... and half of them no more than this: 1.18 at most on surface nets.
 const LARGEST_NET_RADIUS: f64 = 1.2;
-/// Shorter strips than this are left as they are, by this too.
+/// Strips of fewer edges are not asked.
 const SHORT_NET_STRIP: usize = 5;
 
 /// Residuals up to this, in h, are those of small holes, where the noise of the mesh is less than [`CLEAN_NOISE`].
