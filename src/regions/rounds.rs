@@ -77,9 +77,17 @@ const SAME_RADIUS: f64 = 0.003;
 /// tenth, quarter and half are .05 h apart.
 const OTHER_DEPTH: f64 = 0.02;
 
+/// Beside a crease some samples are near it. Where all but a fiftieth are farther than this, in h, there is a round that
+/// has a flat row along its middle, which passes for a side: on grids along the axes boxes with rounds of 2.9 h got two
+/// false creases of 45 degrees (L2 1.36 times the input's). Of the creases that 1,100 meshes keep none has more than .82;
+/// on a grid with steps of 1 and 2 one has .88.
+const AWAY: f64 = 0.9;
+/// Strips of fewer edges have too few samples for that: one of a fandisk's corners would be lost.
+const SHORT_AWAY_STRIP: usize = 4;
+
 /// Keeps those of `strips` after all that were left alone because their samples are inside of their fits, but are
 /// creases by the radius that a round would have there: long ones, between fits that are exact. Leaves alone those that
-/// are kept though all samples lie on one round. `noise` is the median residual, in h.
+/// are kept though all samples lie on one round, or are away from it. `noise` is the median residual, in h.
 pub(super) fn judge_by_radius(
     surface: &Surface,
     fits: &VertexFits,
@@ -88,7 +96,7 @@ pub(super) fn judge_by_radius(
     strips: &mut [Strip],
     noise: f64,
 ) {
-    let is_asked = |strip: &Strip| has_a_say(strip, noise).then(Vec::new);
+    let is_asked = |strip: &Strip| (strip.fate == Fate::Kept || has_a_say(strip, noise)).then(Vec::new);
     let mut samples: Vec<Option<Vec<Inside>>> = strips.iter().map(is_asked).collect();
     for (&h, &strip) in candidates.iter().zip(strip_of) {
         if let Some(samples) = &mut samples[strip as usize] {
@@ -96,11 +104,21 @@ pub(super) fn judge_by_radius(
         }
     }
     for (strip, samples) in strips.iter_mut().zip(samples) {
-        let samples = samples.filter(|samples| !samples.is_empty());
-        if let Some(fate) = samples.and_then(|samples| fate_by(strip, &samples)) {
+        let Some(samples) = samples.filter(|samples| !samples.is_empty()) else { continue };
+        if strip.fate == Fate::Kept && is_away(strip, &samples) {
+            strip.fate = Fate::Round;
+        } else if has_a_say(strip, noise)
+            && let Some(fate) = fate_by(strip, &samples)
+        {
             strip.fate = fate;
         }
     }
+}
+
+/// Whether all samples of `strip` are away from its crease.
+fn is_away(strip: &Strip, samples: &[Inside]) -> bool {
+    let mut reaches: Vec<f64> = samples.iter().map(|sample| sample.reach).collect();
+    strip.n_edges >= SHORT_AWAY_STRIP && quantile(&mut reaches, 0.02) > AWAY
 }
 
 /// What the radii at the samples of `strip` make of it, if they say anything.

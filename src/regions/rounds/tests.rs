@@ -84,35 +84,48 @@ fn a_round_stays_one() {
     assert_eq!(fate(0.75 * H), Fate::Kept);
 }
 
+/// What becomes of a strip `n` squares long that has this fate before: on a round between two sides that differ by this
+/// angle and touch it where it ends, with samples at a quarter and three quarters of its arc.
+fn judged_on_round(n: usize, degrees: f64, radius: f64, before: Fate) -> Fate {
+    let angle = degrees.to_radians();
+    let at = |turn: f64| radius * H * dvec3(0.0, turn.sin(), turn.cos() - 1.0);
+    let rows = [0.25, 0.75].map(|share| at(share * angle));
+    let m = ribbon(n, |_| rows.map(|p| [p.y, p.z]));
+    let (normals, labels) = labels(&m);
+    let mut surface = Surface::new(&m, &normals, &labels);
+    (surface.h, surface.interior) = (H, crate::mesh::PerVert::filled(m.n_verts(), false));
+    let sides = [(DVec3::Z, DVec3::ZERO), (dvec3(0.0, angle.sin(), angle.cos()), at(angle))];
+    let fit = |v: usize| {
+        let (normal, on_side) = sides[v % 2];
+        (v, normal, (on_side - m.point(Vert::new(v))).dot(normal) / H, Region)
+    };
+    let fits = planes(&m, &(0..m.n_verts()).map(fit).collect::<Vec<_>>());
+    let is_across = |&h: &Half| m.from(h).index() % 2 != m.to(h).index() % 2;
+    let candidates: Vec<Half> = m.edges().filter(is_across).collect();
+    let (strip_of, mut strips) = judge_strips(&surface, &fits, &candidates, 0.0);
+    strips[0].fate = before;
+    judge_by_radius(&surface, &fits, &candidates, &strip_of, &mut strips, 0.0);
+    strips[0].fate
+}
+
 #[test]
 fn where_sides_are_less_than_a_right_angle_apart_rounds_may_be_larger() {
-    let kept = |degrees: f64, radius: f64| {
-        let angle = degrees.to_radians();
-        let at = |turn: f64| radius * H * dvec3(0.0, turn.sin(), turn.cos() - 1.0);
-        let rows = [0.25, 0.75].map(|share| at(share * angle));
-        let m = ribbon(20, |_| rows.map(|p| [p.y, p.z]));
-        let (normals, labels) = labels(&m);
-        let mut surface = Surface::new(&m, &normals, &labels);
-        (surface.h, surface.interior) = (H, crate::mesh::PerVert::filled(m.n_verts(), false));
-        // Both sides touch the round where it ends.
-        let sides = [(DVec3::Z, DVec3::ZERO), (dvec3(0.0, angle.sin(), angle.cos()), at(angle))];
-        let fit = |v: usize| {
-            let (normal, on_side) = sides[v % 2];
-            (v, normal, (on_side - m.point(Vert::new(v))).dot(normal) / H, Region)
-        };
-        let fits = planes(&m, &(0..m.n_verts()).map(fit).collect::<Vec<_>>());
-        let is_across = |&h: &Half| m.from(h).index() % 2 != m.to(h).index() % 2;
-        let candidates: Vec<Half> = m.edges().filter(is_across).collect();
-        let (strip_of, mut strips) = judge_strips(&surface, &fits, &candidates, 0.0);
-        strips[0].fate = Fate::FarFromFits;
-        judge_by_radius(&surface, &fits, &candidates, &strip_of, &mut strips, 0.0);
-        strips[0].fate == Fate::Kept
-    };
+    let kept =
+        |degrees: f64, radius: f64| judged_on_round(20, degrees, radius, Fate::FarFromFits) == Fate::Kept;
     assert_eq!([0.75, 0.85].map(|radius| kept(90.0, radius)), [true, false]);
     // tan(22.5 degrees) is .414.
     assert_eq!([1.75, 2.05].map(|radius| kept(45.0, radius)), [true, false]);
     // Acute edges are judged by the radius itself.
     assert_eq!([0.75, 0.85].map(|radius| kept(120.0, radius)), [true, false]);
+}
+
+#[test]
+fn a_strip_without_samples_near_its_crease_is_a_round() {
+    // They are .87 and .95 h from it, as far as the round begins.
+    let fates = |n: usize| [2.1, 2.3].map(|radius| judged_on_round(n, 45.0, radius, Fate::Kept));
+    assert_eq!(fates(20), [Fate::Kept, Fate::Round]);
+    assert_eq!(fates(2), [Fate::Kept, Fate::Round]);
+    assert_eq!(fates(1), [Fate::Kept; 2], "three edges");
 }
 
 /// One sample a row and side instead, at what `first` and `second` make of its place from 0 to 1.
