@@ -121,11 +121,14 @@ fn where_sides_are_less_than_a_right_angle_apart_rounds_may_be_larger() {
 
 #[test]
 fn a_strip_without_samples_near_its_crease_is_a_round() {
-    // They are .87 and .95 h from it, as far as the round begins.
-    let fates = |n: usize| [2.1, 2.3].map(|radius| judged_on_round(n, 45.0, radius, Fate::Kept));
+    // They are tan(22.5 degrees) of the radius from it, as far as the round begins: .54 and .60 h.
+    let fates = |n: usize| [1.3, 1.45].map(|radius| judged_on_round(n, 45.0, radius, Fate::Kept));
     assert_eq!(fates(20), [Fate::Kept, Fate::Round]);
     assert_eq!(fates(2), [Fate::Kept, Fate::Round]);
     assert_eq!(fates(1), [Fate::Kept; 2], "three edges");
+    // .87 and .95 h, where the sides make 60 degrees.
+    let fates = [1.51, 1.65].map(|radius| judged_on_round(2, 60.0, radius, Fate::Kept));
+    assert_eq!(fates, [Fate::Kept, Fate::Round]);
 }
 
 /// One sample a row and side instead, at what `first` and `second` make of its place from 0 to 1.
