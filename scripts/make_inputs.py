@@ -9,6 +9,9 @@ by their distance and nearest points:
   mcaxis  the same on a grid along the axes
   nets    surface nets of the distance on a turned grid, as voxel remeshers make
           them: a vertex in each cell, the mean of where its edges cross
+  decimated
+          mc with four times the faces, decimated by quadrics: long slivers across
+          flat sides, chamfers as fine as they were
   mi      marching intersections: the same connectivity, every vertex exactly
           where its grid edge crosses the surface
   remesh  uniform remeshing, vertices on the surface
@@ -200,6 +203,16 @@ def net_grid(surface, grid):
     return outward(*largest_component(grid.points(means), faces))
 
 
+def decimate(surface, faces, rng):
+    """Return marching cubes with four times the faces, decimated by quadrics (Garland and Heckbert 1997)."""
+    vertices, triangles = on_grid(march_grid, surface, 4 * faces, random_turn(rng), rng)
+    mesh_set = pymeshlab.MeshSet()
+    mesh_set.add_mesh(pymeshlab.Mesh(vertices, triangles.astype(np.int32)))
+    mesh_set.meshing_decimation_quadric_edge_collapse(targetfacenum=faces, preservetopology=True)
+    mesh = mesh_set.current_mesh()
+    return mesh.vertex_matrix(), mesh.face_matrix().astype(np.int64)
+
+
 def crossings(surface, inside, outside):
     """Return the points where segments from inside to outside leave the surface."""
     # Halving 60 times uses up the mantissa.
@@ -321,6 +334,7 @@ METHODS = {
     "mc": lambda surface, n, rng: on_grid(march_grid, surface, n, random_turn(rng), rng),
     "mcaxis": lambda surface, n, rng: on_grid(march_grid, surface, n, np.eye(3), rng),
     "nets": lambda surface, n, rng: on_grid(net_grid, surface, n, random_turn(rng), rng),
+    "decimated": decimate,
     "mi": lambda surface, n, rng: on_grid(exact_grid, surface, n, random_turn(rng), rng),
     "remesh": remesh,
     "scan": scan,
@@ -408,7 +422,7 @@ def main():
         choices=METHODS,
         default=["mc", "mcaxis", "mi", "remesh"],
         metavar="METHOD",
-        help=f"of {', '.join(METHODS)} (default: all but nets and scan)",
+        help=f"of {', '.join(METHODS)} (default: mc mcaxis mi remesh)",
     )
     parser.add_argument(
         "--faces",
