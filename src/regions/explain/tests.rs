@@ -210,6 +210,35 @@ fn interior_vertices_take_the_fit_of_the_nearest_one() {
 }
 
 #[test]
+fn clusters_seen_from_elsewhere_are_as_far_as_their_nearest_members() {
+    let m = cut_cube(12);
+    let normals = m.face_normals();
+    let surface = Surface::new(&m, &normals, &labels(&m).1);
+    let (mut patch, mut seen) = (Patch::default(), Vec::new());
+    let mut n_seen = 0;
+    for &v in surface.doubtful.iter().filter(|&&v| !surface.interior[v]) {
+        let around: Vec<_> = surface.neighbours(v).map(|w| m.point(w)).chain([m.point(v)]).collect();
+        patch.search(&surface, &surface, v, 2.0 * surface.h);
+        for origin in around {
+            let nearest = |cluster: &Cluster| {
+                let distances = patch
+                    .members(cluster)
+                    .iter()
+                    .map(|&Member { near: i, .. }| surface.near.points[i as usize].distance_squared(origin));
+                distances.fold(f64::INFINITY, f64::min).sqrt()
+            };
+            patch.clusters_from(&surface, origin, &mut seen);
+            assert!(seen.is_sorted_by_key(Cluster::distance));
+            assert!(seen.iter().all(|cluster| cluster.distance() == nearest(cluster)));
+            let is_within = |cluster: &&Cluster| nearest(cluster) < 2.999 * surface.h;
+            assert!(seen.len() >= patch.clusters().iter().filter(is_within).count());
+            n_seen += seen.len();
+        }
+    }
+    assert!(n_seen > 1000, "{n_seen}");
+}
+
+#[test]
 fn samples_are_those_within_reach_and_deep_ones_are_trusted() {
     let m = cut_cube(12);
     let normals = m.face_normals();
