@@ -152,18 +152,24 @@ fn smooth_edges(mesh: &Mesh, normals: &PerFace<DVec3>, threshold: SmoothThreshol
 fn mean_angle_and_steps(mesh: &Mesh, normals: &PerFace<DVec3>) -> (f64, Vec<u8>) {
     let steps: Vec<AtomicU8> =
         (0..mesh.n_halves()).into_par_iter().map(|_| AtomicU8::new(NO_ANGLE)).collect();
-    let sum_of = |(i, faces): (usize, &[[Vert; 3]])| {
-        let halves = (3 * CHUNK * i..3 * (CHUNK * i + faces.len())).map(Half::new);
-        let (mut sum, mut n) = (0.0, 0);
-        for (h, twin) in halves.filter_map(|h| Some((h, mesh.twin(h).filter(|&twin| h < twin)?))) {
-            let Some(chord) = chord_squared(mesh, normals, h) else { continue };
+    let sum_of = |edges: &mut Vec<Half>, (i, faces): (usize, &[[Vert; 3]])| {
+        mesh.edges_of(CHUNK * i..CHUNK * i + faces.len(), edges);
+        let (mut sum, mut n_edges) = (0.0, 0);
+        for &h in edges.iter() {
+            let Some(twin) = mesh.twin(h) else { continue };
+            let (n, m) = (normals[h.face()], normals[twin.face()]);
+            if n == DVec3::ZERO || m == DVec3::ZERO {
+                continue;
+            }
+            let chord = n.distance_squared(m);
             [h, twin].iter().for_each(|half| steps[half.index()].store(step_of(chord), Relaxed));
-            sum += angle_of_chord(chord, || angle_between(normals[h.face()], normals[twin.face()]));
-            n += 1;
+            sum += angle_of_chord(chord, || angle_between(n, m));
+            n_edges += 1;
         }
-        (sum, n)
+        (sum, n_edges)
     };
-    let sums: Vec<(f64, usize)> = mesh.faces().par_chunks(CHUNK).enumerate().map(sum_of).collect();
+    let chunks = mesh.faces().par_chunks(CHUNK).enumerate();
+    let sums: Vec<(f64, usize)> = chunks.map_init(Vec::new, sum_of).collect();
     let (sum, n) = sums.into_iter().fold((0.0, 0), |(s, n), (t, m)| (s + t, n + m));
     let steps = steps.into_iter().map(AtomicU8::into_inner).collect();
     (if n == 0 { 0.0 } else { sum / n as f64 }, steps)

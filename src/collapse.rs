@@ -180,7 +180,7 @@ mod tests {
         let mut edit = Edit::new(&refined, n_old, &is_whole);
         let faces: Vec<_> = m.face_ids().collect();
         let counts = collapse_degenerate_faces(&mut edit, &faces, |_| true);
-        let edited = edit.finish(m, &inserts, |v| v).unwrap();
+        let edited = edit.finish(m, &inserts, |v| v, true).unwrap();
         (counts, edited.mesh.faces().iter().map(|f| f.map(Vert::index)).collect())
     }
 

@@ -187,7 +187,7 @@ impl<'m> Edit<'m> {
 
     /// Whether `t` is a face of the mesh that was refined, turned over. Edits may not make one: it would lie
     /// on what that face became.
-    fn is_turned(&self, t: [Vert; 3]) -> bool {
+    pub(crate) fn is_turned(&self, t: [Vert; 3]) -> bool {
         if t.iter().any(|&v| self.is_inserted(v)) {
             return false;
         }
@@ -207,12 +207,16 @@ impl<'m> Edit<'m> {
     }
 
     /// The triangles on the other diagonal of the quadrilateral of faces `f` and `g` beside `a`-`b`, that of
-    /// `a` first, if nothing joins its ends yet and neither is a face turned over.
-    pub(crate) fn flippable(&self, [f, g]: [Face; 2], a: Vert, b: Vert) -> Option<[[Vert; 3]; 2]> {
+    /// `a` first, if nothing joins its ends yet.
+    pub(crate) fn on_other_diagonal(&self, [f, g]: [Face; 2], a: Vert, b: Vert) -> Option<[[Vert; 3]; 2]> {
         let (c, d) = (self.third(f, a, b), self.third(g, a, b));
-        let triangles = [[a, d, c], [d, b, c]];
-        let is_free = c != d && !self.are_neighbours(c, d);
-        (is_free && !triangles.into_iter().any(|t| self.is_turned(t))).then_some(triangles)
+        (c != d && !self.are_neighbours(c, d)).then_some([[a, d, c], [d, b, c]])
+    }
+
+    /// The triangles [on the other diagonal](Self::on_other_diagonal), if neither is a face turned over.
+    pub(crate) fn flippable(&self, beside: [Face; 2], a: Vert, b: Vert) -> Option<[[Vert; 3]; 2]> {
+        let triangles = self.on_other_diagonal(beside, a, b)?;
+        (!triangles.into_iter().any(|t| self.is_turned(t))).then_some(triangles)
     }
 
     /// The two faces that collapsing `gone` into `kept` would remove, if the surface stays a surface
@@ -280,6 +284,19 @@ impl<'m> Edit<'m> {
     }
 }
 
+/// Hands out the corners of a face, each vertex once.
+#[inline]
+fn for_each_distinct(corners: &[Vert; 3], mut visit: impl FnMut(Vert)) {
+    let &[a, b, c] = corners;
+    visit(a);
+    if b != a {
+        visit(b);
+    }
+    if c != a && c != b {
+        visit(c);
+    }
+}
+
 /// The faces round each vertex, ascending.
 struct Rings {
     starts: Vec<u32>,
@@ -289,20 +306,20 @@ struct Rings {
 impl Rings {
     fn gather(mesh: &Mesh) -> Self {
         // A face counts once at a vertex, also where it names it twice.
-        let verts = |f: Face| {
-            let corners = mesh.corners(f);
-            (0..3).filter(move |&i| !corners[..i].contains(&corners[i])).map(move |i| corners[i].index())
-        };
         let mut starts = vec![0; mesh.n_verts() + 1];
-        mesh.face_ids().flat_map(verts).for_each(|v| starts[v + 1] += 1);
+        for corners in mesh.faces() {
+            for_each_distinct(corners, |v| starts[v.index() + 1] += 1);
+        }
         for v in 0..mesh.n_verts() {
             starts[v + 1] += starts[v];
         }
         let mut next = starts.clone();
         let mut faces = vec![Face::NONE; starts[mesh.n_verts()] as usize];
-        for (f, v) in mesh.face_ids().flat_map(|f| verts(f).map(move |v| (f, v))) {
-            faces[next[v] as usize] = f;
-            next[v] += 1;
+        for (f, corners) in mesh.face_ids().zip(mesh.faces()) {
+            for_each_distinct(corners, |v| {
+                faces[next[v.index()] as usize] = f;
+                next[v.index()] += 1;
+            });
         }
         Self { starts, faces }
     }

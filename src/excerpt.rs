@@ -326,7 +326,7 @@ mod tests {
         for rings in 1..=5 {
             let excerpt = Excerpt::new(&m, &inserts, &split, &[], rings);
             let edit = Edit::new(&excerpt.refined, excerpt.n_old(), &excerpt.is_whole);
-            let edited = edit.finish(&m, &inserts, |v| excerpt.whole(v)).unwrap();
+            let edited = edit.finish(&m, &inserts, |v| excerpt.whole(v), true).unwrap();
             let Rejoined { mesh, lineage, replaced, now } = excerpt.rejoin(edited, true);
             assert_eq!((mesh.points(), mesh.faces()), (expected.mesh.points(), expected.mesh.faces()));
             let lineage = lineage.unwrap();

@@ -127,25 +127,36 @@ fn frame(m: DVec3) -> [DVec3; 3] {
 }
 
 /// A vertex of a smooth region, as a fit sees it.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sample {
     /// From the fit's origin to the vertex, in mean edge lengths.
     pub offset: DVec3,
     /// Unit normal at the vertex.
     pub normal: DVec3,
-    /// How far the sample is trusted: 1 deep inside a region, less near its border.
-    pub trust: f64,
+    /// What it counts: the nearer it is the more.
+    weight: f64,
 }
 
 impl Sample {
-    fn weight(&self) -> f64 {
-        self.trust / (SOFTENING + self.offset.length_squared())
+    /// `trust` says how far it is trusted: 1 deep inside a region, less near its border.
+    #[inline]
+    #[must_use]
+    pub fn new(offset: DVec3, normal: DVec3, trust: f64) -> Self {
+        Self { offset, normal, weight: trust / (SOFTENING + offset.length_squared()) }
     }
 }
 
 /// What a sample weighs that is fully trusted. `offset` is where it is from the fit's origin, in mean edge lengths.
+#[inline]
 pub(crate) fn weight_at(offset: DVec3) -> f64 {
-    Sample { offset, normal: DVec3::ZERO, trust: 1.0 }.weight()
+    Sample::new(offset, DVec3::ZERO, 1.0).weight
+}
+
+/// The samples that a fitter has taken.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Taken {
+    frame: [DVec3; 3],
+    plane: Option<Solution>,
 }
 
 /// Makes fits one after the other in the same memory.
@@ -161,41 +172,47 @@ impl Fitter {
     /// a usable normal or the solution is not finite.
     #[must_use]
     pub fn fit(&mut self, origin: DVec3, samples: &[Sample], source: FitSource) -> Option<Fit> {
-        let frame = self.take(samples)?;
-        let solution = self.solve()?;
-        let n_members = self.samples.len();
-        let solution = robust::without_outliers(solution, &mut self.samples, &mut self.residuals);
-        fit_of(solution, origin, frame, n_members, source)
+        let taken = self.take(samples)?;
+        self.fit_to_taken(taken, origin, source)
     }
 
-    /// Fits a plane to all of `samples` that leaves no more than `max_rms` (in h) of them, if there is one: of their
-    /// places and normals, or else of their places alone. Beside samples that are off the surface normals lean, though
-    /// their own places are exact.
+    /// [`fit`](Self::fit) to the samples that were taken last.
+    pub(crate) fn fit_to_taken(&mut self, taken: Taken, origin: DVec3, source: FitSource) -> Option<Fit> {
+        let solution = self.solve(taken.plane?)?;
+        let n_members = self.samples.len();
+        let solution = robust::without_outliers(solution, &mut self.samples, &mut self.residuals);
+        fit_of(solution, origin, taken.frame, n_members, source)
+    }
+
+    /// Fits a plane to all samples that were taken last that leaves no more than `max_rms` (in h) of them, if there is
+    /// one: of their places and normals, or else of their places alone. Beside samples that are off the surface normals
+    /// lean, though their own places are exact.
     pub(crate) fn exact_plane(
-        &mut self,
+        &self,
+        taken: Taken,
         origin: DVec3,
-        samples: &[Sample],
         source: FitSource,
         max_rms: f64,
     ) -> Option<Fit> {
-        let frame = self.take(samples)?;
         let is_exact = |plane: &Solution| plane.rms <= max_rms;
-        let plane = solve::plane(&self.samples).filter(is_exact);
+        let plane = taken.plane.filter(is_exact);
         let plane = plane.or_else(|| solve::plane_through(&self.samples).filter(is_exact))?;
-        fit_of(plane, origin, frame, self.samples.len(), source)
+        fit_of(plane, origin, taken.frame, self.samples.len(), source)
     }
 
-    /// Takes `samples` over their mean normal; its frame.
-    fn take(&mut self, samples: &[Sample]) -> Option<[DVec3; 3]> {
-        let mean: DVec3 = samples.iter().map(|sample| sample.weight() * sample.normal).sum();
+    /// Takes `samples` over their mean normal, if they have one.
+    pub(crate) fn take(&mut self, samples: &[Sample]) -> Option<Taken> {
+        let mean: DVec3 = samples.iter().map(|sample| sample.weight * sample.normal).sum();
         let frame = frame(mean.try_normalize()?);
         self.samples.clear();
-        self.samples.extend(samples.iter().filter_map(|s| Local::of(s, &frame, s.weight())));
-        Some(frame)
+        self.samples.reserve(samples.len());
+        let local = samples.iter().filter_map(|sample| Local::of(sample, &frame));
+        local.for_each(|local| self.samples.push(local));
+        Some(Taken { frame, plane: solve::plane(&self.samples) })
     }
 
-    fn solve(&self) -> Option<Solution> {
-        let plane = solve::plane(&self.samples)?;
+    /// The plane of the samples, or a quadric that is clearly better.
+    fn solve(&self, plane: Solution) -> Option<Solution> {
         if self.samples.len() < QUADRIC_SAMPLES || plane.rms <= FLAT_RMS {
             return Some(plane);
         }
@@ -234,7 +251,7 @@ mod tests {
         grid.map(|(x, y)| {
             let (z, slope_x, slope_y) = height(x, y);
             let normal = dvec3(-slope_x, -slope_y, 1.0).normalize();
-            Sample { offset: turn * dvec3(x, y, z), normal: turn * normal, trust: 1.0 }
+            Sample::new(turn * dvec3(x, y, z), turn * normal, 1.0)
         })
         .collect()
     }
@@ -268,8 +285,11 @@ mod tests {
         let origin = dvec3(7., 8., 9.);
         let plain = Fitter::default().fit(origin, &leaning, FitSource::Region).unwrap();
         assert!(plain.rms > 0.01, "{}", plain.rms);
-        let exact =
-            |samples: &[Sample]| Fitter::default().exact_plane(origin, samples, FitSource::Region, 1e-3);
+        let exact = |samples: &[Sample]| {
+            let mut fitter = Fitter::default();
+            let taken = fitter.take(samples).unwrap();
+            fitter.exact_plane(taken, origin, FitSource::Region, 1e-3)
+        };
         let fit = exact(&leaning).unwrap();
         assert!(fit.is_plane() && fit.rms < 1e-5 && fit.n_members == 25);
         assert_relative_eq!(
@@ -355,10 +375,10 @@ mod tests {
     #[test]
     fn steep_samples_are_left_out_and_opposite_ones_make_no_fit() {
         let mut plane = samples(turn(), |_, _| (0.0, 0.0, 0.0));
-        plane.push(Sample { offset: turn() * DVec3::X, normal: turn() * DVec3::X, trust: 1.0 });
+        plane.push(Sample::new(turn() * DVec3::X, turn() * DVec3::X, 1.0));
         let fit = Fitter::default().fit(DVec3::ZERO, &plane, FitSource::Region).unwrap();
         assert_eq!(fit.n_members, 25);
-        let facing = |normal| Sample { offset: DVec3::ZERO, normal, trust: 1.0 };
+        let facing = |normal| Sample::new(DVec3::ZERO, normal, 1.0);
         let opposite = vec![facing(DVec3::Z), facing(-DVec3::Z)];
         assert!(Fitter::default().fit(DVec3::ZERO, &opposite, FitSource::Region).is_none());
     }
@@ -366,7 +386,7 @@ mod tests {
     #[test]
     fn one_sample_makes_the_plane_of_its_normal() {
         let normal = dvec3(1., 2., 3.).normalize();
-        let one = vec![Sample { offset: 0.5 * normal, normal, trust: 0.1 }];
+        let one = vec![Sample::new(0.5 * normal, normal, 0.1)];
         let fit = Fitter::default().fit(DVec3::ZERO, &one, FitSource::Leftover).unwrap();
         assert_relative_eq!(fit.displacement, 0.5, epsilon = 1e-8);
         assert_relative_eq!(fit.normal.distance(normal), 0.0, epsilon = 1e-12);

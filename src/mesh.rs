@@ -14,6 +14,7 @@ mod fans;
 pub(crate) mod tests;
 mod twins;
 
+use std::ops::Range;
 use std::sync::OnceLock;
 
 use glam::DVec3;
@@ -164,6 +165,20 @@ impl Mesh {
         self.halves().filter(|&h| h <= twins[h])
     }
 
+    /// Puts those [`edges`](Self::edges) into `edges` whose lower half-edges belong to these faces. Without a branch: half
+    /// of the half-edges are the lower ones, and no processor guesses which.
+    pub(crate) fn edges_of(&self, faces: Range<usize>, edges: &mut Vec<Half>) {
+        let halves = 3 * faces.start..3 * faces.end;
+        edges.clear();
+        edges.resize(halves.len(), Half::NONE);
+        let mut n = 0;
+        for (h, &twin) in halves.clone().zip(&self.twins().of.as_slice()[halves]) {
+            edges[n] = Half(h as u32);
+            n += usize::from(Half(h as u32) <= twin);
+        }
+        edges.truncate(n);
+    }
+
     /// The half-edge that stands for the edge of `h`: the lower of `h` and its twin.
     #[inline]
     #[must_use]
@@ -208,7 +223,7 @@ impl Mesh {
     #[inline]
     #[must_use]
     pub fn from(&self, h: Half) -> Vert {
-        self.faces[h.face()][h.corner()]
+        self.faces().as_flattened()[h.index()]
     }
 
     /// The vertex that `h` points to.

@@ -174,7 +174,7 @@ fn clean(
             }
         }
         if !edit.is_at_fringe() {
-            let edited = edit.finish(mesh, inserts, |v| excerpt.whole(v))?;
+            let edited = edit.finish(mesh, inserts, |v| excerpt.whole(v), keeps_lineage)?;
             break excerpt.rejoin(edited, keeps_lineage);
         }
         rings += 1;

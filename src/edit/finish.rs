@@ -8,7 +8,7 @@ use std::ops::Range;
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::Edit;
+use super::{DEAD, Edit};
 use crate::mesh::{Face, Half, Mesh, MeshError, PerVert, Vert};
 use crate::refine::{Inserts, Lineage, Place, Refined};
 
@@ -28,6 +28,7 @@ struct Piece {
 /// What remains of a mesh after its edits.
 pub(crate) struct Edited {
     pub mesh: Mesh,
+    /// With nothing but the parents if the corners were not asked for.
     pub lineage: Lineage,
     /// For each vertex before the edits, the vertex that it is now, or was collapsed into. `[V]`
     pub now: PerVert<Vert>,
@@ -38,7 +39,8 @@ pub(crate) struct Edited {
 impl Edit<'_> {
     /// Compacts the mesh: faces keep their order, an old vertex keeps its index, and the last inserted
     /// vertices take the slots of old vertices that are gone. `before` is the mesh that was refined
-    /// with `inserts`, and `whole` says which vertex of it refined a vertex is.
+    /// with `inserts`, and `whole` says which vertex of it refined a vertex is. Says where corners lie if it
+    /// `keeps_lineage`.
     ///
     /// # Errors
     /// Never, in fact: the mesh has fewer elements than before.
@@ -47,14 +49,21 @@ impl Edit<'_> {
         before: &Mesh,
         inserts: &Inserts,
         whole: impl Fn(Vert) -> Vert + Sync,
+        keeps_lineage: bool,
     ) -> Result<Edited, MeshError> {
         let (now, replaced, points) = self.compact_verts();
         let n_faces = self.faces.len();
         let mut faces = Vec::with_capacity(n_faces);
-        let (mut parents, mut places) = (Vec::with_capacity(n_faces), Vec::with_capacity(3 * n_faces));
+        let (mut parents, mut places) = (Vec::with_capacity(n_faces), Vec::new());
         let mut foreign = Vec::new();
-        let piece =
-            |first: usize| self.finish_piece(first..n_faces.min(first + CHUNK), before, inserts, &whole);
+        let piece = |first: usize| {
+            let range = first..n_faces.min(first + CHUNK);
+            let mut piece = self.finish_piece(range.clone());
+            if keeps_lineage {
+                self.place_corners(range, &mut piece, before, inserts, &whole);
+            }
+            piece
+        };
         let pieces: Vec<Piece> = (0..n_faces).into_par_iter().step_by(CHUNK).map(piece).collect();
         for piece in pieces {
             foreign.extend(piece.foreign.iter().map(|&(i, weights)| (Half::new(places.len() + i), weights)));
@@ -68,16 +77,29 @@ impl Edit<'_> {
         Ok(Edited { mesh, lineage, now, replaced })
     }
 
-    /// What is left of some of the faces.
-    fn finish_piece(
+    /// What is left of some of the faces, without the places of their corners.
+    fn finish_piece(&self, range: Range<usize>) -> Piece {
+        let (n, mut piece) = (range.len(), Piece::default());
+        (piece.faces, piece.parents) = (Vec::with_capacity(n), Vec::with_capacity(n));
+        let (faces, parents) =
+            (&self.faces.as_slice()[range.clone()], &self.refined.lineage.parents.as_slice()[range]);
+        for (&corners, &parent) in faces.iter().zip(parents).filter(|(corners, _)| **corners != DEAD) {
+            piece.faces.push(corners);
+            piece.parents.push(parent);
+        }
+        piece
+    }
+
+    /// Says where the corners of `piece` lie in their parents.
+    fn place_corners(
         &self,
         range: Range<usize>,
+        piece: &mut Piece,
         before: &Mesh,
         inserts: &Inserts,
         whole: impl Fn(Vert) -> Vert,
-    ) -> Piece {
+    ) {
         let Refined { mesh, lineage: old, .. } = self.refined;
-        let mut piece = Piece::default();
         for f in range.map(Face::new).filter(|&f| self.stands(f)) {
             let (parent, corners) = (old.parents[f], self.corners(f));
             for (i, v) in corners.into_iter().enumerate() {
@@ -90,10 +112,7 @@ impl Edit<'_> {
                 }
                 piece.places.push(place);
             }
-            piece.parents.push(parent);
-            piece.faces.push(corners);
         }
-        piece
     }
 
     /// New indices `[V]`, the old vertices that are gone, and the points in their new order. Inserted vertices take the

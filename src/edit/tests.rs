@@ -35,7 +35,7 @@ fn a_collapse_removes_two_faces_and_frees_a_slot_for_an_inserted_vertex() {
     assert!(edit.collapsible(v(0), v(1)).is_none(), "its neighbours would keep too few");
     let others = edit.collapse(v(0), v(1));
     assert_eq!(others, [1, 2, 3, 4].map(Face::new));
-    let edited = edit.finish(&m, &inserts, |v| v).unwrap();
+    let edited = edit.finish(&m, &inserts, |v| v, true).unwrap();
     let faces: Vec<_> = edited.mesh.faces().iter().map(|f| f.map(Vert::index)).collect();
     // Vertex 6 takes slot 0.
     assert_eq!(faces, [[1, 2, 3], [1, 3, 4], [1, 4, 5], [1, 5, 0]]);
@@ -54,7 +54,7 @@ fn where_no_inserted_vertex_is_left_to_take_a_slot_the_old_one_stays_without_a_f
     let mut edit = Edit::new(&refined, 6, &is_whole);
     edit.collapse(v(0), v(1));
     edit.collapse(v(1), v(6));
-    let edited = edit.finish(&m, &inserts, |v| v).unwrap();
+    let edited = edit.finish(&m, &inserts, |v| v, true).unwrap();
     // The inserted vertex 6 takes the slot of 0, and nobody that of 1.
     assert_eq!(edited.replaced, [v(0), v(1)]);
     assert_eq!((edited.mesh.n_verts(), edited.mesh.point(v(0))), (6, m.point(v(6))));
@@ -72,7 +72,7 @@ fn a_flip_takes_the_other_diagonal() {
     edit.flip([f, g], [[v(1), v(2), v(3)], [v(1), v(3), v(0)]]);
     assert_eq!(edit.link(v(0)), [1, 3, 4, 5, 6].map(v));
     assert_eq!(edit.link(v(1)), [0, 2, 3, 6].map(v));
-    let edited = edit.finish(&m, &inserts, |v| v).unwrap();
+    let edited = edit.finish(&m, &inserts, |v| v, true).unwrap();
     assert_eq!(edited.mesh.corners(Face::new(1)), [v(1), v(2), v(3)]);
     assert_eq!(edited.now.as_slice(), [0, 1, 2, 3, 4, 5, 6].map(v));
 }

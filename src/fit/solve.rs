@@ -54,13 +54,14 @@ pub(super) struct Local {
 impl Local {
     /// `sample` over the tangents `t1` and `t2`, with heights along `m`. None when it is too steep for that.
     #[inline]
-    pub fn of(sample: &Sample, [t1, t2, m]: &[DVec3; 3], weight: f64) -> Option<Self> {
-        let (offset, normal) = (sample.offset, sample.normal);
-        let cosine = normal.dot(*m);
-        let slope = -cosine.recip();
-        let (x, y, z) = (offset.dot(*t1), offset.dot(*t2), offset.dot(*m));
-        let (p, q) = (normal.dot(*t1) * slope, normal.dot(*t2) * slope);
-        (cosine > LEAST_COSINE).then_some(Self { x, y, z, p, q, weight })
+    pub fn of(&Sample { offset, normal, weight }: &Sample, &[t1, t2, m]: &[DVec3; 3]) -> Option<Self> {
+        let cosine = normal.dot(m);
+        (cosine > LEAST_COSINE).then(|| {
+            let slope = -cosine.recip();
+            let (x, y, z) = (offset.dot(t1), offset.dot(t2), offset.dot(m));
+            let (p, q) = (normal.dot(t1) * slope, normal.dot(t2) * slope);
+            Self { x, y, z, p, q, weight }
+        })
     }
 
     /// The square of what a height field leaves of this sample's height and slopes.

@@ -155,6 +155,19 @@ fn twins_are_those_that_a_search_of_all_pairs_finds() {
 }
 
 #[test]
+fn the_edges_of_some_faces_are_those_whose_lower_half_edge_they_have() {
+    // A tetrahedron, and three faces on one edge.
+    let faces = [[0, 1, 2], [0, 3, 1], [1, 3, 2], [2, 3, 0], [4, 5, 6], [5, 4, 7], [4, 5, 8]];
+    let m = mesh(&anywhere(9), &faces);
+    let mut edges = vec![Half::NONE; 9];
+    for (first, end) in [(0, 7), (0, 2), (2, 5), (3, 3)] {
+        m.edges_of(first..end, &mut edges);
+        let expected: Vec<Half> = m.edges().filter(|h| (first..end).contains(&h.face().index())).collect();
+        assert_eq!(edges, expected, "{first} to {end}");
+    }
+}
+
+#[test]
 fn a_broken_twin_does_not_pass_the_check() {
     let mut m = mesh(&anywhere(4), &[[0, 1, 2], [0, 2, 3]]);
     m.twins();

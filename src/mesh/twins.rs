@@ -64,8 +64,8 @@ pub(super) fn pair_twins(faces: &[[Vert; 3]], fans: &Fans) -> Twins {
     Twins { of: of.into(), n_borders, defects }
 }
 
-/// Finds the twins of the at most `N` half-edges `leaving` `v`. None when one of the faces is collapsed or one of
-/// the edges irregular; what is set by then is right.
+/// Finds the twins of the at most `N` half-edges `leaving` `v`. None, and nothing set, when one of the faces is
+/// collapsed or one of the edges irregular.
 #[inline]
 fn pair_few<const N: usize>(
     faces: &[[Vert; 3]],
@@ -83,20 +83,20 @@ fn pair_few<const N: usize>(
             return None;
         }
     }
-    for (&h, w) in leaving.iter().zip(to) {
-        // How often `w` is in `to`, in `from`, and where: in one sum without a branch, so that several are added
-        // at a time.
-        let mut sum = 0u32;
-        for i in 0..N {
-            sum += if to[i] == w { 1 << 16 } else { 0 };
-            sum += if from[i] == w { (1 << 8) + i as u32 } else { 0 };
-        }
-        match (sum >> 16, sum >> 8 & 0xff) {
-            (1, 0) => {}
-            (1, 1) => set(h, before[(sum & 0xff) as usize]),
-            _ => return None,
+    let (mut twins, mut taken) = ([Half::NONE; N], 0);
+    for (&w, twin) in to.iter().zip(&mut twins).take(leaving.len()) {
+        // A bit for each place of `w`, without a branch, so that several are compared at a time.
+        let places = |verts: &[Vert; N]| (0..N).fold(0u32, |bits, i| bits | u32::from(verts[i] == w) << i);
+        let found = places(&from);
+        if found.is_power_of_two() && taken & found == 0 {
+            // If `w` is twice in `to`, the second one finds the same place.
+            taken |= found;
+            *twin = before[found.trailing_zeros() as usize];
+        } else if found != 0 || !places(&to).is_power_of_two() {
+            return None;
         }
     }
+    leaving.iter().zip(twins).for_each(|(&h, twin)| set(h, twin));
     Some(())
 }
 

@@ -25,7 +25,7 @@ use rayon::prelude::*;
 use super::VertexFits;
 use super::chord;
 use super::label::{EXPLAINED, SHALLOW_TRUST, best, explain_those};
-use super::patch::{Cluster, Patch, REACH_IN_REGION, Regions};
+use super::patch::{Cluster, Member, Patch, REACH_IN_REGION, Regions};
 use super::surface::Surface;
 use crate::fit::{Fit, FitSource, Fitter, Sample};
 use crate::mesh::Vert;
@@ -201,6 +201,10 @@ struct Samples {
     /// The deep ones first.
     all: Vec<Sample>,
     n_deep: usize,
+    /// The numbers of the deep ones and of the others, while they are taken.
+    sorted: [Vec<u32>; 2],
+    /// Fits the deep ones alone.
+    deep_fitter: Fitter,
 }
 
 impl Samples {
@@ -209,31 +213,43 @@ impl Samples {
         let near = &surface.near;
         let reach = (REACH_IN_REGION * surface.h).powi(2);
         let per_h = surface.h.recip();
-        self.all.clear();
-        for (is_deep, trust) in [(true, 1.0), (false, SHALLOW_TRUST)] {
-            self.n_deep = self.all.len();
-            for member in patch.members(cluster) {
-                let i = member.near as usize;
-                let offset = near.points[i] - origin;
-                if near.deep[i] == is_deep && offset.length_squared() <= reach {
-                    self.all.push(Sample { offset: offset * per_h, normal: near.normals[i], trust });
-                }
-            }
+        let members = patch.members(cluster);
+        for list in &mut self.sorted {
+            list.resize(list.len().max(members.len()), 0);
         }
+        let [deep, shallow] = &mut self.sorted;
+        let (mut n_deep, mut n_shallow) = (0, 0);
+        // Without a branch: no processor guesses which ones these are.
+        for &Member { near: i, .. } in members {
+            let is_within = near.points[i as usize].distance_squared(origin) <= reach;
+            let is_deep = near.deep[i as usize];
+            (deep[n_deep], shallow[n_shallow]) = (i, i);
+            n_deep += usize::from(is_within & is_deep);
+            n_shallow += usize::from(is_within & !is_deep);
+        }
+        let sample = |i: u32, trust: f64| {
+            let i = i as usize;
+            Sample::new((near.points[i] - origin) * per_h, near.normals[i], trust)
+        };
+        self.all.clear();
+        self.all.extend(deep[..n_deep].iter().map(|&i| sample(i, 1.0)));
+        self.all.extend(shallow[..n_shallow].iter().map(|&i| sample(i, SHALLOW_TRUST)));
+        self.n_deep = n_deep;
     }
 
     /// Their fit round `origin`, that of the deep ones alone where these agree clearly better.
-    fn fit(&self, origin: DVec3, fitter: &mut Fitter) -> Option<Fit> {
-        let deep = &self.all[..self.n_deep];
-        let has_eroded = (ERODED_MEMBERS..self.all.len()).contains(&self.n_deep);
+    fn fit(&mut self, origin: DVec3, fitter: &mut Fitter) -> Option<Fit> {
+        let Self { all, n_deep, deep_fitter, .. } = self;
+        let has_eroded = (ERODED_MEMBERS..all.len()).contains(n_deep);
+        let deep = has_eroded.then(|| deep_fitter.take(&all[..*n_deep])).flatten();
         let max_rms = ERODED_GAIN * ERODED_RMS;
-        let plane = has_eroded.then(|| fitter.exact_plane(origin, deep, FitSource::Region, max_rms));
-        if let Some(plane) = plane.flatten() {
-            return Some(plane); // Whatever the others say.
+        let plane = deep.and_then(|deep| deep_fitter.exact_plane(deep, origin, FitSource::Region, max_rms));
+        if plane.is_some() {
+            return plane; // Whatever the others say.
         }
-        let fit = fitter.fit(origin, &self.all, FitSource::Region)?;
-        if has_eroded && fit.rms > ERODED_RMS {
-            let eroded = fitter.fit(origin, deep, FitSource::Region);
+        let fit = fitter.fit(origin, all, FitSource::Region)?;
+        if let Some(deep) = deep.filter(|_| fit.rms > ERODED_RMS) {
+            let eroded = deep_fitter.fit_to_taken(deep, origin, FitSource::Region);
             if let Some(eroded) = eroded.filter(|eroded| eroded.rms < ERODED_GAIN * fit.rms) {
                 return Some(eroded);
             }

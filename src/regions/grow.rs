@@ -52,12 +52,18 @@ const FAR_IN_RMS: f64 = 4.0;
 /// Gives the vertices without a fit, or with one that is far (from the first of `far` on if its fit is exact,
 /// from the last on in any case), one of the labelled vertices round them, round by round. None is farther than `limit` from its vertex; both in h.
 pub(super) fn grow(surface: &Surface, fits: &mut VertexFits, far: RangeInclusive<f64>, limit: f64) {
-    let carried = |v: Vert, fit: &Fit| {
+    let near = &surface.near;
+    let carried = |fit: &Fit| {
         let place = fit.origin + surface.h * fit.displacement * fit.normal;
-        (!surface.interior[v]).then_some(Carried { place, normal: fit.normal })
+        Carried { place, normal: fit.normal }
     };
-    let mut labels: Vec<Option<Carried>> =
-        surface.near.verts.iter().map(|&v| carried(v, fits.get(v)?)).collect();
+    let mut is_member = near.interior.clone();
+    let own = near.points.iter().zip(&near.normals).map(|(&place, &normal)| Carried { place, normal });
+    let mut labels: Vec<Carried> = own.collect();
+    for (v, fit) in fits.iter().filter(|&(v, _)| !surface.interior[v]) {
+        let i = near.of[v] as usize;
+        (labels[i], is_member[i]) = (carried(fit), true);
+    }
     let is_open = |v: Vert, fit: Option<&Fit>| {
         let is_far =
             |fit: &Fit| fit.displacement.abs() > (FAR_IN_RMS * fit.rms).clamp(*far.start(), *far.end());
@@ -70,7 +76,8 @@ pub(super) fn grow(surface: &Surface, fits: &mut VertexFits, far: RangeInclusive
             if news.as_ref().is_some_and(|news| !news.may_reach(surface.near.points[centre as usize])) {
                 return None; // Round it is all as it was, when nothing better was found.
             }
-            let found = Grown { surface, labels: &labels, centre }.explain(scratch, limit)?;
+            let grown = Grown { surface, labels: &labels, is_member: &is_member, centre };
+            let found = grown.explain(scratch, limit)?;
             let is_better = |old: &Fit| {
                 let (now, then) = (found.displacement.abs(), old.displacement.abs());
                 let is_nearer = then > *far.end() || now < then - CLEARLY_BETTER;
@@ -85,7 +92,8 @@ pub(super) fn grow(surface: &Surface, fits: &mut VertexFits, far: RangeInclusive
         let places = found.iter().map(|&v| surface.mesh.point(v));
         news = Some(Cells::of(1.01 * REACH_IN_REGION * surface.h, places));
         for v in found {
-            labels[surface.near.of[v] as usize] = fits.get(v).and_then(|fit| carried(v, fit));
+            let i = near.of[v] as usize;
+            (labels[i], is_member[i]) = (fits.get(v).map_or(labels[i], carried), true);
         }
     }
 }
@@ -124,7 +132,7 @@ struct Scratch {
     fitter: Fitter,
 }
 
-/// A labelled vertex where its label puts it, with the label's normal.
+/// A vertex where its label puts it, with the label's normal.
 #[derive(Clone, Copy)]
 struct Carried {
     place: DVec3,
@@ -134,15 +142,17 @@ struct Carried {
 /// The smooth regions, grown by the vertices that they explain, as `centre` sees them: without itself.
 struct Grown<'a> {
     surface: &'a Surface<'a>,
-    /// Of the near vertices.
-    labels: &'a [Option<Carried>],
+    /// Of the near vertices: those that have a label where it puts them, the others where they are.
+    labels: &'a [Carried],
+    /// Which of them are interior or have a label.
+    is_member: &'a [bool],
     centre: u32,
 }
 
 impl Regions for Grown<'_> {
     #[inline]
     fn is_member(&self, v: u32) -> bool {
-        self.surface.near.interior[v as usize] || (v != self.centre && self.labels[v as usize].is_some())
+        v != self.centre && self.is_member[v as usize]
     }
 
     /// Whether the two tangent planes agree.
@@ -151,7 +161,7 @@ impl Regions for Grown<'_> {
         if interior[v as usize] && interior[w as usize] {
             return true;
         }
-        let (a, b) = (self.member(v), self.member(w));
+        let (a, b) = (&self.labels[v as usize], &self.labels[w as usize]);
         let across = b.place - a.place;
         let both = a.normal + b.normal;
         let rise = across.dot(both).abs() / both.length();
@@ -161,11 +171,6 @@ impl Regions for Grown<'_> {
 }
 
 impl Grown<'_> {
-    fn member(&self, v: u32) -> Carried {
-        let (place, normal) = (self.surface.near.points[v as usize], self.surface.near.normals[v as usize]);
-        self.labels[v as usize].unwrap_or(Carried { place, normal })
-    }
-
     /// The fit of the region that explains the centre best.
     fn explain(&self, Scratch { patch, samples, fitter }: &mut Scratch, limit: f64) -> Option<Fit> {
         patch.search(self.surface, self, self.surface.near.verts[self.centre as usize], 0.0);
@@ -177,9 +182,9 @@ impl Grown<'_> {
                 return None; // The interior vertices by themselves did not explain it.
             }
             let sample = |member: &Member| {
-                let Carried { place, normal } = self.member(member.near);
+                let Carried { place, normal } = self.labels[member.near as usize];
                 let trust = if self.surface.near.deep[member.near as usize] { 1.0 } else { SHALLOW_TRUST };
-                Sample { offset: (place - origin) / self.surface.h, normal, trust }
+                Sample::new((place - origin) / self.surface.h, normal, trust)
             };
             samples.clear();
             samples.extend(members.iter().map(sample));

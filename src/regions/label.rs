@@ -96,7 +96,7 @@ pub(super) fn explain_by_leftovers(surface: &Surface, fits: &mut VertexFits, max
             let v = near.verts[i as usize];
             let normal = surface.normal_of(v, is_left_face);
             let offset = (surface.mesh.point(v) - surface.mesh.point(centre)) / surface.h;
-            (normal != glam::DVec3::ZERO).then_some(Sample { offset, normal, trust: 1.0 })
+            (normal != glam::DVec3::ZERO).then_some(Sample::new(offset, normal, 1.0))
         };
         samples.clear();
         samples.extend(members.iter().filter_map(sample));

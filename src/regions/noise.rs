@@ -99,7 +99,7 @@ pub(super) fn fit_again(surface: &Surface, fits: &mut VertexFits, zone: &[Vert])
         patch.search(surface, &regions, v, 0.0);
         let sample = |member: &Member| {
             let (offset, normal) = (member.offset / surface.h, regions.normals[member.near as usize]);
-            (offset.length_squared() <= REACH * REACH).then_some(Sample { offset, normal, trust: 1.0 })
+            (offset.length_squared() <= REACH * REACH).then_some(Sample::new(offset, normal, 1.0))
         };
         samples.clear();
         samples.extend(patch.members(patch.clusters().first()?).iter().filter_map(sample));

@@ -28,6 +28,10 @@ pub(super) const REACH_IN_REGION: f64 = 4.5;
 /// a mesh with most of its vertices in one place would take time in the square of their number.
 pub(super) const MAX_MEMBERS: usize = 1024;
 
+/// The square of a distance that follows from others may be less than so many times what follows: more than rounding
+/// to [`f32`] makes of it.
+const ROUNDING_SLACK: f64 = 1.001;
+
 /// What the regions of a patch consist of. Vertices go by their numbers among the near ones.
 pub(super) trait Regions {
     /// Whether `v` is part of a region.
@@ -54,6 +58,8 @@ impl Regions for Surface<'_> {
 pub(super) struct Member {
     /// Its number among the near vertices.
     pub near: u32,
+    /// The square of how far it is from the centre, roughly.
+    squared: f32,
     pub offset: DVec3,
 }
 
@@ -83,6 +89,10 @@ pub(super) struct Patch {
     /// Members of a region found beside another one, some of them more than once, by their numbers.
     seeds: Vec<u32>,
     known: Stamps,
+    /// Those of one vertex's neighbours that are not known, of a member of a region and of another vertex.
+    fresh: Vec<u32>,
+    fresh_beside: Vec<u32>,
+    centre: DVec3,
     /// The squares of how far the search goes.
     reach: f64,
     reach_in_region: f64,
@@ -103,6 +113,7 @@ impl Patch {
         let centre = surface.near.of[centre];
         let reach = |times: f64| (times * surface.h + wider).powi(2);
         (self.reach, self.reach_in_region) = (reach(REACH), reach(REACH_IN_REGION));
+        self.centre = surface.near.points[centre as usize];
         self.known.insert(centre);
         if regions.is_member(centre) {
             self.flood_region(surface, regions, centre, centre);
@@ -113,8 +124,9 @@ impl Patch {
         while !self.is_full() {
             if let Some(&v) = self.doubtful.get(next) {
                 next += 1;
-                for &w in surface.near.neighbours(v) {
-                    self.enter(surface, regions, centre, w, self.reach);
+                let n_fresh = self.known.pick_others(surface.near.neighbours(v), &mut self.fresh_beside);
+                for i in 0..n_fresh {
+                    self.enter(surface, regions, centre, self.fresh_beside[i], self.reach);
                 }
             } else if let Some(seed) = self.seeds.pop() {
                 self.enter(surface, regions, centre, seed, f64::INFINITY);
@@ -159,12 +171,11 @@ impl Patch {
         let first = self.members.len();
         let mut next = first;
         let (mut nearest, mut nearest_squared) = (verts[seed as usize], offset.length_squared());
-        self.members.push(Member { near: seed, offset });
+        self.members.push(Member { near: seed, squared: nearest_squared as f32, offset });
         'flood: while let Some(&Member { near, .. }) = self.members.get(next) {
-            for &i in surface.near.neighbours(near) {
-                if self.known.contains(i) {
-                    continue;
-                }
+            let n_fresh = self.known.pick_others(surface.near.neighbours(near), &mut self.fresh);
+            for i in 0..n_fresh {
+                let i = self.fresh[i];
                 let offset = points[i as usize] - origin;
                 let squared = offset.length_squared();
                 let is_member = regions.is_member(i);
@@ -181,7 +192,7 @@ impl Patch {
                 }
                 self.known.insert(i);
                 if is_member {
-                    self.members.push(Member { near: i, offset });
+                    self.members.push(Member { near: i, squared: squared as f32, offset });
                     let vert = verts[i as usize];
                     if squared < nearest_squared || squared == nearest_squared && vert < nearest {
                         (nearest, nearest_squared) = (vert, squared);
@@ -206,13 +217,19 @@ impl Patch {
     pub fn clusters_from(&self, surface: &Surface, origin: DVec3, seen: &mut Vec<Cluster>) {
         let Near { verts, points, .. } = &surface.near;
         seen.clear();
+        let moved = self.centre.distance(origin);
         for cluster in &self.clusters {
-            let far = |member: &Member| {
-                (points[member.near as usize].distance_squared(origin), verts[member.near as usize])
-            };
-            let least = |a: (f64, Vert), b: (f64, Vert)| if b < a { b } else { a };
-            let (nearest_squared, nearest) =
-                self.members(cluster).iter().map(far).fold((f64::INFINITY, Vert::new(0)), least);
+            // Some member is within the distance and `moved` of `origin`: so the nearest one is within `moved` more of the
+            // centre.
+            let most = (ROUNDING_SLACK * (cluster.distance() + 2.0 * moved).powi(2)) as f32;
+            let (mut nearest_squared, mut nearest) = (f64::INFINITY, Vert::new(0));
+            for member in self.members(cluster).iter().filter(|member| member.squared <= most) {
+                let (point, vert) = (points[member.near as usize], verts[member.near as usize]);
+                let squared = point.distance_squared(origin);
+                if squared < nearest_squared || squared == nearest_squared && vert < nearest {
+                    (nearest_squared, nearest) = (squared, vert);
+                }
+            }
             seen.push(Cluster { members: cluster.members.clone(), nearest, nearest_squared });
         }
         sort_within(seen, (REACH * surface.h).powi(2));
@@ -251,6 +268,21 @@ impl Stamps {
     #[inline]
     fn contains(&self, i: u32) -> bool {
         self.stamps[i as usize] == self.present
+    }
+
+    /// Puts those of `all` that are not in it at the front of `others`, and says how many they are. Without a branch: one
+    /// in five is, and no processor guesses which.
+    #[inline]
+    fn pick_others(&self, all: &[u32], others: &mut Vec<u32>) -> usize {
+        if others.len() < all.len() {
+            others.resize(all.len(), 0);
+        }
+        let mut n = 0;
+        for &i in all {
+            others[n] = i;
+            n += usize::from(!self.contains(i));
+        }
+        n
     }
 
     #[inline]

@@ -208,11 +208,9 @@ fn mean_edge_length(mesh: &Mesh) -> f64 {
         .faces()
         .par_chunks(CHUNK)
         .enumerate()
-        .map(|(i, faces)| {
-            let lowest = 3 * CHUNK * i;
-            let halves = (lowest..lowest + 3 * faces.len()).map(Half::new);
-            let edges = halves.filter(|&h| mesh.edge(h) == h);
-            edges.fold((0.0, 0), |(sum, n), h| (sum + mesh.length(h), n + 1))
+        .map_init(Vec::new, |edges, (i, faces)| {
+            mesh.edges_of(CHUNK * i..CHUNK * i + faces.len(), edges);
+            (edges.iter().fold(0.0, |sum, &h| sum + mesh.length(h)), edges.len())
         })
         .collect();
     let (sum, n) = chunks.into_iter().fold((0.0, 0), |(s, n), (t, m)| (s + t, n + m));

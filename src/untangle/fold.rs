@@ -33,6 +33,8 @@ const MIN_SHAPE: f64 = 0.005;
 const ROUNDS: usize = 4;
 /// Vertices per unit of parallel work.
 const CHUNK: usize = 1024;
+/// Up to so many faces at a vertex are compared each with each.
+const FEW: usize = 16;
 
 /// A face at a vertex: it runs from there to `to`, and comes back from `from`.
 struct Spoke {
@@ -46,7 +48,7 @@ struct Spoke {
 impl Zone<'_, '_, '_> {
     /// Flips folds, sharpest first; a face and its neighbours take part in one flip a round.
     pub(super) fn flip_folds(&mut self, counts: &mut UntangleCounts) {
-        let mut folds = self.folds_among(&self.faces);
+        let mut folds = self.folds_at(&self.verts_with_turned_faces());
         for _ in 0..ROUNDS {
             let mut flipped = Vec::new();
             for &(_, f, a, b) in &folds {
@@ -58,15 +60,42 @@ impl Zone<'_, '_, '_> {
             counts.flipped += flipped.len() / 2;
             // Only edges of flipped faces have other angles now.
             flipped.extend(folds.iter().map(|&(_, f, ..)| f));
-            folds = self.folds_among(&flipped);
+            folds = self.folds_at(&self.verts_of(&flipped));
         }
     }
 
-    /// The folds inside the zone at corners of `faces`, as (cosine, face, from, to), the sharpest first.
-    fn folds_among(&self, faces: &[Face]) -> Vec<(f64, Face, Vert, Vert)> {
+    /// The corners of those of `faces` that stand, ascending.
+    fn verts_of(&self, faces: &[Face]) -> Vec<Vert> {
         let standing = faces.iter().filter(|&&f| self.edit.stands(f));
         let corners = standing.flat_map(|&f| self.edit.corners(f));
-        let verts: Vec<Vert> = Subset::of(self.is_inner.len(), corners).iter().collect();
+        Subset::of(self.is_inner.len(), corners).iter().collect()
+    }
+
+    /// The vertices of the zone at which a face is turned from another one by a right angle at least, or which have too
+    /// many of them to tell: no other has a fold.
+    fn verts_with_turned_faces(&self) -> Vec<Vert> {
+        let area = |&f: &Face| {
+            let [p, q, r] = if self.edit.stands(f) { self.edit.triangle(f) } else { [DVec3::ZERO; 3] };
+            (q - p).cross(r - p)
+        };
+        let areas: Vec<DVec3> = self.faces.par_iter().map(area).collect();
+        let has_turned_faces = |&v: &Vert| {
+            let faces = self.edit.faces_at(v);
+            if faces.len() > FEW {
+                return true;
+            }
+            let (mut own, mut n) = ([DVec3::ZERO; FEW], 0);
+            for &f in faces.iter().filter(|&&f| self.in_zone(f)) {
+                own[n] = areas[self.slot[f] as usize];
+                n += 1;
+            }
+            (1..n).any(|i| own[..i].iter().any(|area| area.dot(own[i]) <= 0.0))
+        };
+        self.verts_of(&self.faces).into_par_iter().filter(has_turned_faces).collect()
+    }
+
+    /// The folds inside the zone at `verts`, as (cosine, face, from, to), the sharpest first.
+    fn folds_at(&self, verts: &[Vert]) -> Vec<(f64, Face, Vert, Vert)> {
         let folds_of = |verts: &[Vert]| {
             let (mut spokes, mut folds) = (Vec::new(), Vec::new());
             verts.iter().for_each(|&v| self.add_folds_at(v, &mut spokes, &mut folds));
@@ -196,10 +225,29 @@ mod tests {
     fn the_sharpest_fold_comes_first() {
         let points = [leaning(155.0), leaning(170.0)].concat();
         let scene = Scene::new(&points, &[[2, 3, 0], [3, 2, 1], [6, 7, 4], [7, 6, 5]], 8, &[]);
-        let folds = scene.run(|zone| zone.folds_among(&zone.faces));
+        let folds = scene.run(|zone| zone.folds_at(&zone.verts_with_turned_faces()));
         let edges: Vec<_> = folds.iter().map(|&(_, f, a, b)| [f.index(), a.index(), b.index()]).collect();
         assert_eq!(edges, [[2, 6, 7], [0, 2, 3]]);
+        assert_eq!(folds, scene.run(|zone| zone.folds_at(&zone.verts_of(&zone.faces))));
         assert!((folds[0].0 - 170.0_f64.to_radians().cos()).abs() < 1e-12);
+    }
+
+    #[test]
+    fn folds_are_looked_for_at_vertices_with_faces_that_turn_from_each_other() {
+        let verts = |degrees: f64| {
+            let scene = Scene::new(&leaning(degrees), &[[2, 3, 0], [3, 2, 1]], 4, &[]);
+            scene.run(|zone| zone.verts_with_turned_faces())
+        };
+        assert_eq!(verts(89.0), []);
+        assert_eq!(verts(91.0), [Vert::new(2), Vert::new(3)]);
+        // A flat fan of so many faces round vertex 0.
+        let fan = |n: usize| {
+            let rim = (0..n).map(|i| (i as f64 * std::f64::consts::TAU / n as f64).sin_cos());
+            let points: Vec<_> = [[0.; 3]].into_iter().chain(rim.map(|(y, x)| [x, y, 0.])).collect();
+            let faces: Vec<_> = (0..n).map(|i| [0, 1 + i, 1 + (i + 1) % n]).collect();
+            Scene::new(&points, &faces, n + 1, &[]).run(|zone| zone.verts_with_turned_faces())
+        };
+        assert_eq!((fan(FEW), fan(FEW + 1)), (vec![], vec![Vert::new(0)]), "too many to tell");
     }
 
     #[test]

@@ -168,11 +168,6 @@ impl Zone<'_, '_, '_> {
         best.map(|(_, kept)| kept)
     }
 
-    /// How far `point` is from the fit of `f`, in mean edge lengths.
-    fn off_fit(&self, point: DVec3, f: Face) -> f64 {
-        self.fit(f).map_or(0.0, |fit| fit.evaluate(point, self.context.mean_edge).0.abs())
-    }
-
     /// How far the middles of the sides and of the triangle are from the fit of `f` at most.
     fn middles_off_fit(&self, [a, b, c]: [DVec3; 3], f: Face) -> f64 {
         let middles = [a.midpoint(b), b.midpoint(c), c.midpoint(a), (a + b + c) / 3.0];
@@ -244,7 +239,7 @@ mod tests {
         let mut edit = Edit::new(&refined, before.n_verts(), &is_whole);
         let mut counts = UntangleCounts::default();
         Zone::new(&context, &mut edit).collapse_low_faces(&mut counts);
-        let edited = edit.finish(&before, &inserts, |v| v).unwrap();
+        let edited = edit.finish(&before, &inserts, |v| v, true).unwrap();
         edited.mesh.check().unwrap();
         assert!(edited.mesh.face_normals().as_slice().iter().all(|n| n.z > 0.5));
         (counts.collapsed, edited.replaced, edited.mesh)

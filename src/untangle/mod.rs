@@ -90,14 +90,13 @@ pub(crate) struct Context<'a> {
     pub mean_edge: f64,
 }
 
-/// How bad a face is, and how far it is from its fit (in mean edge lengths).
+/// How bad a face is.
 #[derive(Clone, Copy, Default)]
 struct Energy {
     /// 0 when good, 1 to 2.5 when bad, the more the farther it is turned.
     turned: f64,
     /// 0.2 to 0.3 for a sliver.
     sliver: f64,
-    residual: f64,
 }
 
 /// The mesh under edit with all that the operations look at.
@@ -212,31 +211,38 @@ impl<'z, 'c, 'm> Zone<'z, 'c, 'm> {
     /// The energy that face `f` would have as `triangle`.
     fn energy_of(&self, triangle: [DVec3; 3], f: Face) -> Energy {
         let [a, b, c] = triangle;
-        let h = self.context.mean_edge;
         let normal = (b - a).cross(c - a);
         let length = normal.length();
         let sides = [a.distance_squared(b), b.distance_squared(c), c.distance_squared(a)];
         let longest = sides[0].max(sides[1]).max(sides[2]);
         let second = sides[0].min(sides[1]).max(sides[0].max(sides[1]).min(sides[2]));
-        let (predicted, residual) = match self.fit(f) {
-            Some(fit) => {
-                let distance = |p: DVec3| fit.evaluate(p, h).0.abs();
-                let residual = distance(a).max(distance(b)).max(distance(c));
-                (Some(fit.evaluate((a + b + c) / 3.0, h).1), residual)
-            }
-            None => (self.context.parent_normal(f), 0.0),
+        let predicted = match self.fit(f) {
+            Some(fit) => Some(fit.evaluate((a + b + c) / 3.0, self.context.mean_edge).1),
+            None => self.context.parent_normal(f),
         };
-        let Some(predicted) = predicted else { return Energy { residual, ..Energy::default() } };
+        let Some(predicted) = predicted else { return Energy::default() };
         // No area that a float could tell from rounding.
         if length <= 1e-9 * longest {
-            return Energy { turned: 1.5, sliver: 0.0, residual };
+            return Energy { turned: 1.5, sliver: 0.0 };
         }
         let cosine = normal.dot(predicted) / length;
-        let least = if residual <= RELIABLE_RESIDUAL { BAD_COSINE } else { 0.0 };
-        let turned = if cosine < least { 1.5 - cosine } else { 0.0 };
+        let is_reliable = || self.residual_of(triangle, f) <= RELIABLE_RESIDUAL;
+        let is_turned = cosine < 0.0 || cosine < BAD_COSINE && is_reliable();
+        let turned = if is_turned { 1.5 - cosine } else { 0.0 };
         let sine = length / (second * longest).sqrt();
         let sliver = if sine < SLIVER_SINE { 0.2 + 0.1 * (1.0 - sine / SLIVER_SINE) } else { 0.0 };
-        Energy { turned, sliver, residual }
+        Energy { turned, sliver }
+    }
+
+    /// How far face `f` would be from its fit as `triangle`, in mean edge lengths.
+    fn residual_of(&self, triangle: [DVec3; 3], f: Face) -> f64 {
+        let [a, b, c] = triangle.map(|p| self.off_fit(p, f));
+        a.max(b).max(c)
+    }
+
+    /// How far `point` is from the fit of `f`, in mean edge lengths.
+    fn off_fit(&self, point: DVec3, f: Face) -> f64 {
+        self.fit(f).map_or(0.0, |fit| fit.evaluate(point, self.context.mean_edge).0.abs())
     }
 
     fn bad_faces(&mut self) -> Vec<Face> {

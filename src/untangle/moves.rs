@@ -17,7 +17,7 @@ mod tests;
 
 use glam::DVec3;
 
-use super::{CREASE_TOLERANCE, Energy, FACE_TOLERANCE, MIN_GAIN, UntangleCounts, Zone};
+use super::{CREASE_TOLERANCE, FACE_TOLERANCE, MIN_GAIN, UntangleCounts, Zone};
 use crate::mesh::{Face, Vert};
 
 /// Two corners joined by a crease edge shorter than this (in mean edge lengths) may merge: what should be one apex of
@@ -206,16 +206,18 @@ impl Zone<'_, '_, '_> {
         self.edit.collapsible(gone, kept).map(|_| old - new)
     }
 
-    /// The energy of a face that an operation changes, unless it leaves its fit.
-    fn allowed(&mut self, f: Face, new: Energy) -> Option<f64> {
-        let limit = FACE_TOLERANCE.max(self.energy(f).residual * RESIDUAL_SLACK);
-        (new.residual <= limit).then(|| self.value(new))
+    /// The energy of face `f` once an operation has made it `triangle`, unless it leaves its fit.
+    fn allowed(&self, f: Face, triangle: [DVec3; 3]) -> Option<f64> {
+        let residual = self.residual_of(triangle, f);
+        let was_so_far = || residual <= RESIDUAL_SLACK * self.residual_of(self.edit.triangle(f), f);
+        let is_allowed = residual <= FACE_TOLERANCE || was_so_far();
+        is_allowed.then(|| self.value(self.energy_of(triangle, f)))
     }
 
     /// The energy of `faces` with `vertices` moved `to` other places, if none of them leaves its fit and the sum is
     /// less than `limit`.
     pub(super) fn energy_with(
-        &mut self,
+        &self,
         vertices: &[Vert],
         to: &[DVec3],
         faces: impl IntoIterator<Item = Face>,
@@ -224,7 +226,7 @@ impl Zone<'_, '_, '_> {
         let mut sum = 0.0;
         for f in faces {
             let triangle = self.edit.corners(f).map(|v| self.point_with(vertices, to, v));
-            sum += self.allowed(f, self.energy_of(triangle, f))?;
+            sum += self.allowed(f, triangle)?;
             if sum >= limit {
                 return None;
             }
@@ -263,13 +265,13 @@ impl Zone<'_, '_, '_> {
         if has_three(a) || has_three(b) {
             return None;
         }
-        let triangles = self.edit.flippable([f, g], a, b)?;
+        let triangles = self.edit.on_other_diagonal([f, g], a, b)?;
         let points = triangles.map(|t| t.map(|v| self.edit.point(v)));
         let old = self.value_of(f) + self.value_of(g);
         let mut best: Option<(f64, [Face; 2])> = None;
         for faces in [[f, g], [g, f]] {
-            let first = self.allowed(faces[0], self.energy_of(points[0], faces[0]));
-            let second = self.allowed(faces[1], self.energy_of(points[1], faces[1]));
+            let first = self.allowed(faces[0], points[0]);
+            let second = self.allowed(faces[1], points[1]);
             if let (Some(first), Some(second)) = (first, second) {
                 let gain = old - first - second;
                 if gain > MIN_GAIN && best.is_none_or(|(most, _)| gain > most + ROUNDING) {
@@ -277,6 +279,8 @@ impl Zone<'_, '_, '_> {
                 }
             }
         }
+        // Last, as it costs most: few flips gain.
+        let best = best.filter(|_| !triangles.into_iter().any(|t| self.edit.is_turned(t)));
         best.map(|(gain, faces)| (gain, faces, triangles))
     }
 

@@ -210,6 +210,35 @@ fn interior_vertices_take_the_fit_of_the_nearest_one() {
 }
 
 #[test]
+fn clusters_seen_from_elsewhere_are_as_far_as_their_nearest_members() {
+    let m = cut_cube(12);
+    let normals = m.face_normals();
+    let surface = Surface::new(&m, &normals, &labels(&m).1);
+    let (mut patch, mut seen) = (Patch::default(), Vec::new());
+    let mut n_seen = 0;
+    for &v in surface.doubtful.iter().filter(|&&v| !surface.interior[v]) {
+        let around: Vec<_> = surface.neighbours(v).map(|w| m.point(w)).chain([m.point(v)]).collect();
+        patch.search(&surface, &surface, v, 2.0 * surface.h);
+        for origin in around {
+            let nearest = |cluster: &Cluster| {
+                let distances = patch
+                    .members(cluster)
+                    .iter()
+                    .map(|&Member { near: i, .. }| surface.near.points[i as usize].distance_squared(origin));
+                distances.fold(f64::INFINITY, f64::min).sqrt()
+            };
+            patch.clusters_from(&surface, origin, &mut seen);
+            assert!(seen.is_sorted_by_key(Cluster::distance));
+            assert!(seen.iter().all(|cluster| cluster.distance() == nearest(cluster)));
+            let is_within = |cluster: &&Cluster| nearest(cluster) < 2.999 * surface.h;
+            assert!(seen.len() >= patch.clusters().iter().filter(is_within).count());
+            n_seen += seen.len();
+        }
+    }
+    assert!(n_seen > 1000, "{n_seen}");
+}
+
+#[test]
 fn samples_are_those_within_reach_and_deep_ones_are_trusted() {
     let m = cut_cube(12);
     let normals = m.face_normals();
@@ -219,11 +248,12 @@ fn samples_are_those_within_reach_and_deep_ones_are_trusted() {
     patch.search(&surface, &surface, v, 1.0);
     let mut samples = Samples::default();
     samples.take(&surface, &patch, &patch.clusters()[0], m.point(v));
-    let Samples { all, n_deep } = &samples;
+    let Samples { all, n_deep, .. } = &samples;
     assert!(*n_deep > 0 && *n_deep < all.len());
     assert!(all.iter().all(|sample| sample.offset.length() <= REACH_IN_REGION));
-    assert!(all[..*n_deep].iter().all(|sample| sample.trust == 1.0));
-    assert!(all[*n_deep..].iter().all(|sample| sample.trust == SHALLOW_TRUST));
+    let weighs = |trust| move |s: &Sample| *s == Sample::new(s.offset, s.normal, trust);
+    assert!(all[..*n_deep].iter().all(weighs(1.0)));
+    assert!(all[*n_deep..].iter().all(weighs(SHALLOW_TRUST)));
     assert!(all.len() < patch.members(&patch.clusters()[0]).len(), "the patch is wider");
 }
 
@@ -231,11 +261,11 @@ fn samples_are_those_within_reach_and_deep_ones_are_trusted() {
 fn fit_of(n_deep: usize, outer: f64, deep: fn(f64) -> f64) -> Option<Fit> {
     let sample = |i: usize, z: f64, trust| {
         let offset = DVec3::new((i / 2) as f64, (i % 2) as f64, z);
-        Sample { offset, normal: DVec3::Z, trust }
+        Sample::new(offset, DVec3::Z, trust)
     };
     let inner = (0..n_deep).map(|i| sample(i, deep((i / 2) as f64), 1.0));
     let outer = (0..n_deep).map(|i| sample(i, outer, SHALLOW_TRUST));
-    let samples = Samples { all: inner.chain(outer).collect(), n_deep };
+    let mut samples = Samples { all: inner.chain(outer).collect(), n_deep, ..Samples::default() };
     samples.fit(DVec3::ZERO, &mut Fitter::default())
 }
 
@@ -259,11 +289,11 @@ fn deep_samples_on_a_curve_are_believed_if_the_others_disagree() {
         let sample = |i: usize, trust: f64| {
             let (x, y) = ((i / 2) as f64, (i % 2) as f64);
             let z = 0.05 * x * x + if trust < 1.0 { off * (1.0 - x) } else { 0.0 };
-            Sample { offset: DVec3::new(x, y, z), normal: DVec3::new(-0.1 * x, 0.0, 1.0).normalize(), trust }
+            Sample::new(DVec3::new(x, y, z), DVec3::new(-0.1 * x, 0.0, 1.0).normalize(), trust)
         };
         let trusts = [1.0, SHALLOW_TRUST];
         let all = trusts.into_iter().flat_map(|trust| (0..8).map(move |i| sample(i, trust))).collect();
-        let samples = Samples { all, n_deep: 8 };
+        let mut samples = Samples { all, n_deep: 8, ..Samples::default() };
         samples.fit(DVec3::ZERO, &mut Fitter::default()).unwrap().n_members
     };
     assert_eq!([0.01, 0.2].map(members), [16, 8]);
@@ -306,9 +336,9 @@ fn samples_that_no_smooth_surface_passes_through_have_no_fit() {
         let sample = |i: usize| {
             let z = if (i + i / 4).is_multiple_of(2) { a } else { -a };
             let offset = DVec3::new((i % 4) as f64 - 1.5, (i / 4) as f64 - 1.0, z);
-            Sample { offset, normal: DVec3::Z, trust: SHALLOW_TRUST }
+            Sample::new(offset, DVec3::Z, SHALLOW_TRUST)
         };
-        let samples = Samples { all: (0..12).map(sample).collect(), n_deep: 0 };
+        let mut samples = Samples { all: (0..12).map(sample).collect(), n_deep: 0, ..Samples::default() };
         samples.fit(DVec3::ZERO, &mut Fitter::default())
     };
     assert_eq!([0.23, 0.27].map(|a| fit(a).is_some()), [true, false]);
