@@ -2,7 +2,8 @@
 //!
 //! ```text
 //!   flip        the other diagonal of two faces, either of which may follow either fit
-//!   collapse    a vertex into a neighbour: off creases anywhere, on a crease along it only; over an edge of four faces too
+//!   collapse    a vertex into a neighbour: off creases anywhere, on a crease along it only; or where
+//!               two sheets touch, along their edge of four faces
 //!   merge       two crease vertices into one between them on the crease, or two corners that nearly coincide
 //!   respace     one crease vertex or a run of them along the crease (`respace.rs`)
 //!   back        an inserted vertex towards the middle of its edge: it leaves the feature, the last resort
