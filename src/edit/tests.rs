@@ -111,3 +111,47 @@ fn misoriented_faces_are_not_beside_an_edge() {
     assert_eq!(edit.faces_beside(v(0), v(1)), None);
     assert!(!edit.is_surrounded(v(0)));
 }
+
+/// Vertices 2 to 5 go round the edge from 0 to 1, and `others` join them.
+fn edit_of_pinch<T>(others: &[[usize; 3]], act: impl FnOnce(&mut Edit<'_>) -> T) -> T {
+    let points: Vec<[f64; 3]> = (0..8).map(|i| [f64::from(i), f64::from(i * i), 0.]).collect();
+    let m = mesh(&points, &[&[[0, 1, 2], [0, 3, 1], [0, 1, 4], [0, 5, 1]], others].concat());
+    let refined = refine(&m, &Inserts::none()).unwrap();
+    let is_whole = all_whole(&m);
+    act(&mut Edit::new(&refined, 8, &is_whole))
+}
+
+//     3        Round 0 and 1 as one vertex goes one ring, 2 3 4 5. Its faces belong to 0 and 1 by turns.
+//   / | \
+//  4--01--2
+//   \ | /
+//     5
+#[test]
+fn an_edge_where_two_sheets_touch_collapses_if_one_ring_is_left() {
+    let ring = [[0, 2, 3], [1, 3, 4], [0, 4, 5], [1, 5, 2]];
+    edit_of_pinch(&ring, |edit| {
+        assert!(edit.faces_beside(v(0), v(1)).is_none() && edit.collapsible(v(0), v(1)).is_none());
+        assert!(edit.is_pinched(v(0), v(1)) && !edit.is_pinched(v(0), v(2)));
+        assert!(edit.is_collapsible_pinch(v(0), v(1)) && edit.is_collapsible_pinch(v(1), v(0)));
+        assert!(!edit.is_collapsible_pinch(v(0), v(2)), "an edge of two faces");
+        edit.collapse(v(0), v(1));
+        assert!(edit.is_surrounded(v(1)));
+        assert_eq!((edit.faces_at(v(1)).len(), edit.link(v(1))), (4, [2, 3, 4, 5].map(v).to_vec()));
+    });
+    let is_collapsible =
+        |others: &[[usize; 3]]| edit_of_pinch(others, |edit| edit.is_collapsible_pinch(v(0), v(1)));
+    assert!(!is_collapsible(&ring[..3]), "a border");
+    let two_bodies = [[0, 2, 6], [0, 6, 3], [1, 3, 2], [0, 4, 7], [0, 7, 5], [1, 5, 4]];
+    assert!(!is_collapsible(&two_bodies), "two rings");
+    let three_neighbours = [[0, 2, 3], [1, 3, 2], [0, 4, 7], [0, 7, 5], [1, 5, 4]];
+    assert!(!is_collapsible(&three_neighbours), "2 would keep two neighbours");
+    let joined = [&ring[..3], &[[1, 5, 6], [1, 6, 2], [0, 6, 7]]].concat();
+    assert!(!is_collapsible(&joined), "6 is a neighbour of both");
+}
+
+#[test]
+fn a_ring_is_closed_and_in_one_piece() {
+    let is_ring = |edges: &[[usize; 2]]| is_one_ring(edges.iter().map(|edge| edge.map(v)).collect());
+    assert!(is_ring(&[[0, 1], [2, 0], [1, 2]]));
+    assert!(!is_ring(&[[0, 1], [1, 2]]) && !is_ring(&[[0, 1], [1, 0], [2, 3], [3, 2]]));
+}
