@@ -102,7 +102,7 @@ def test_grids_leave_the_surface_next_to_creases_only(method):
     assert off[from_crease > 2 * edge].max() < 1e-12
 
 
-@pytest.mark.parametrize("method", ["mc", "mcaxis", "nets", "mi", "remesh"])
+@pytest.mark.parametrize("method", ["mc", "mcaxis", "nets", "decimated", "mi", "remesh"])
 def test_samplings_are_blind_to_creases(method, tmp_path):
     meshes.write_obj(tmp_path / "cube.obj", *original("cube"))
     meshes.write_obj(tmp_path / "sampled.obj", *sample("cube", method, SMALL))
@@ -118,6 +118,15 @@ def test_surface_nets_are_closed_and_oriented():
     volume = make_inputs.volume(vertices, faces)
     assert volume == pytest.approx(make_inputs.volume(*original("bracket")), rel=0.1)
     assert abs(len(faces) / SMALL - 1) <= make_inputs.FACES_TOLERANCE
+
+
+def test_decimation_leaves_long_edges_across_flat_sides():
+    vertices, faces = sample("cube", "decimated", SMALL)
+    assert abs(len(faces) / SMALL - 1) <= make_inputs.FACES_TOLERANCE
+    lengths = meshes.edge_lengths(vertices, meshes.edges_of(faces))
+    assert lengths.max() > 4 * lengths.mean()
+    finer, triangles = sample("cube", "mc", SMALL)
+    assert meshes.edge_lengths(finer, meshes.edges_of(triangles)).max() < 3 * lengths.mean()
 
 
 def test_a_scan_covers_the_surface():
