@@ -51,6 +51,12 @@ pub struct Arguments {
     #[arg(long, value_name = "TIMES", value_parser = positive_or_zero)]
     pub max_shift: Option<f64>,
 
+    /// Rounded edges up to this radius, in mean edge lengths, become sharp as well: those of meshes that were
+    /// smoothed, or made from blurred or learned fields. The tool cannot tell them from true rounds
+    /// [default: .65 or so, what sampling explains].
+    #[arg(long, value_name = "RADIUS", conflicts_with = "paper", value_parser = positive_or_zero)]
+    pub rounds: Option<f64>,
+
     /// Bend the result N times: each level splits every face in four, rounds what is smooth, turns sharp
     /// edges into smooth curves and keeps them sharp.
     #[arg(long, value_name = "N", default_value_t = 0)]
@@ -209,6 +215,7 @@ impl Arguments {
             method: if self.paper { Method::Paper } else { defaults.method },
             smooth: factor.or(angle).unwrap_or(defaults.smooth),
             max_shift: self.max_shift,
+            max_round: self.rounds.unwrap_or(defaults.max_round),
             sharpen: !self.no_sharpen,
             sharp_angle: self.sharp_angle.map(f64::to_radians),
             denoise: self.denoise,

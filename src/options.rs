@@ -31,6 +31,9 @@ pub struct Options {
     /// The farthest that an inserted vertex may go from the middle, in lengths of the split edge: 1.5 unless this is
     /// set, and 3 between flat sides. [`Method::Paper`] has a rule of its own then.
     pub max_shift: Option<f64>,
+    /// Rounded edges up to this radius, in mean edge lengths, are creases that smoothing wore off; at 0 only those are
+    /// whose radius sampling explains, .65 or so. For [`Method::Regions`].
+    pub max_round: f64,
     /// Whether chamfers are looked for at all. If not, what is sharp is taken from `sharp_angle` and
     /// `sharp_edges`, for bending.
     pub sharpen: bool,
@@ -60,6 +63,7 @@ impl Default for Options {
             method: Method::default(),
             smooth: SmoothThreshold::MeanTimes(2.0),
             max_shift: None,
+            max_round: 0.0,
             sharpen: true,
             sharp_angle: None,
             sharp_edges: Vec::new(),

@@ -123,7 +123,7 @@ fn find(mesh: &Mesh, options: &Options, seconds: &mut Seconds) -> Chamfers {
         let placement = seconds.time("place", || place(mesh, &normals, &labels, &options.place_rules()));
         return Chamfers { labels, regions: None, placement, unfit };
     }
-    let mut regions = seconds.time("regions", || label_by_fits(mesh, &normals, &labels));
+    let mut regions = seconds.time("regions", || label_by_fits(mesh, &normals, &labels, options.max_round));
     let placement = seconds.time("place", || place_by_fits(mesh, &regions, options.max_shift));
     labels.corner_faces.clone_from(&regions.corner_faces);
     labels.red_face = std::mem::take(&mut regions.red_face);

@@ -216,10 +216,16 @@ fn bends_like_a_chamfer(mesh: &Mesh, v: Vert) -> bool {
 }
 
 /// Labels the doubtful vertices of `mesh` with the smooth regions that explain them, and finds the
-/// chamfers.
+/// chamfers. Rounds between sides at a right angle whose radius is `max_round` mean edges at most count as such.
 #[must_use]
-pub fn label_by_fits(mesh: &Mesh, face_normals: &PerFace<DVec3>, labels: &Labels) -> RegionLabels {
+pub fn label_by_fits(
+    mesh: &Mesh,
+    face_normals: &PerFace<DVec3>,
+    labels: &Labels,
+    max_round: f64,
+) -> RegionLabels {
     let mut surface = Surface::new(mesh, face_normals, labels);
+    surface.max_round = max_round;
     rows::dissolve_rows(&mut surface);
     let surface = surface;
     let (mut fits, noise) = label_vertices(&surface);
@@ -238,7 +244,7 @@ pub fn label_by_fits(mesh: &Mesh, face_normals: &PerFace<DVec3>, labels: &Labels
         let zone = noise::zone_of(&surface, &chamfers);
         noise::fit_again(&surface, &mut fits, &zone);
         noise::moves(&surface, &fits, &zone)
-    } else if off_surface.is_likely() {
+    } else if off_surface.is_likely() || surface.has_rounds() {
         moves::moves(&surface, &fits, &chamfers)
     } else {
         anchor::anchor(&surface, &mut fits, &chamfers);
@@ -280,14 +286,16 @@ fn label_vertices(surface: &Surface) -> (VertexFits, f64) {
     label::explain_by_leftovers(surface, &mut fits, label::LEFTOVER_RMS);
     let noise = gates::noise(&fits);
     let chamfers = chamfer_edges(surface, &fits);
-    let is_off = gates::off_surface(surface, &fits, &chamfers).is_likely();
+    let is_off = surface.has_rounds() || gates::off_surface(surface, &fits, &chamfers).is_likely();
 
     // On the surface a label far from its vertex is a wrong label; off it, one to be looked at again.
     let limit = |least: f64| least.max(FAR_IN_NOISE * noise).min(label::EXPLAINED);
-    let unless_off = |on_surface: f64| if is_off { label::EXPLAINED } else { on_surface };
+    let explained = label::EXPLAINED.max(surface.depth_of_rounds());
+    let unless_off = |on_surface: f64| if is_off { explained } else { on_surface };
     let leftover_rms = if is_off { label::LEFTOVER_RMS_OFF_SURFACE } else { label::LEFTOVER_RMS };
     label::take_back_far_labels(surface, &mut fits, unless_off(limit(FAR)));
-    let is_marching_cubes = is_off && chord::take_back_impossible_labels(surface, &mut fits);
+    let is_marching_cubes =
+        is_off && !surface.has_rounds() && chord::take_back_impossible_labels(surface, &mut fits);
     // Leftovers first, which then grow as well: the other way round remesh_5k has L2 .069 instead of .050.
     label::explain_by_leftovers(surface, &mut fits, leftover_rms);
     let far_to_stay = limit(if is_off { FAR } else { FAR_TO_STAY });

@@ -88,6 +88,29 @@ fn the_sharp_edges_of_a_cube_are_its_twelve_edges() {
 }
 
 #[test]
+fn a_smoothed_cube_becomes_sharp_where_rounds_count_as_creases() {
+    let smoothing = Options { sharpen: false, denoise: 2, ..Options::default() };
+    let smooth = sharpen(&chamfered_cube(16, 0.95), &smoothing).unwrap().mesh;
+    let run = |max_round: f64| sharpen(&smooth, &Options { max_round, ..Options::default() }).unwrap();
+    let corner_distance =
+        |mesh: &Mesh, p: DVec3| mesh.points().iter().map(|q| q.distance(p)).fold(f64::INFINITY, f64::min);
+    let h = 2.0 / 16.0;
+    let corners: Vec<DVec3> =
+        (0..8).map(|i| DVec3::from([0, 1, 2].map(|k| f64::from(i >> k & 1) * 2.0 - 1.0))).collect();
+    let sharp = run(2.0);
+    for &p in &corners {
+        assert!(corner_distance(&smooth, p) > 0.5 * h, "worn off");
+        assert!(corner_distance(&sharp.mesh, p) < 0.05 * h, "{p}");
+    }
+    // Most of each edge is back, and nothing else is sharp.
+    let length = |&[a, b]: &[Vert; 2]| sharp.mesh.point(a).distance(sharp.mesh.point(b));
+    let total: f64 = sharp.tags.sharp_edges().iter().map(length).sum();
+    assert!((22.0..=24.5).contains(&total), "{total}");
+    // A round that is larger stays.
+    assert!(!run(0.3).report.changed);
+}
+
+#[test]
 fn the_tip_of_a_cone_is_a_corner_and_stays_where_it_is() {
     // Over a grid of squares, none of whose vertices is the tip.
     let n = 24;

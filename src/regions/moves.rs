@@ -58,17 +58,19 @@ pub(super) fn moves(surface: &Surface, fits: &VertexFits, chamfers: &[Half]) -> 
         (is_end[i as usize], is_in_zone[i as usize]) = (true, true);
         near.neighbours(i).iter().for_each(|&j| is_in_zone[j as usize] = true);
     }
+    let max_move = MAX_MOVE.max(surface.depth_of_rounds());
     let onto_fit = |i: u32| {
         let v = near.verts[i as usize];
         let fit = fits.get(v).filter(|fit| fit.source == FitSource::Region && !surface.deep[v])?;
         let distance = fit.displacement.abs();
-        let is_off = |times: f64| distance > MIN_MOVE.max(times * fit.rms) && distance < MAX_MOVE;
+        let is_off = |times: f64| distance > MIN_MOVE.max(times * fit.rms) && distance < max_move;
         let is_moved = is_off(MIN_MOVE_IN_RMS)
             || fit.is_plane() && is_off(MIN_MOVE_OF_PLANE_IN_RMS)
             || is_off(MIN_MOVE_TO_INNER_IN_RMS)
                 && is_on_inner_side(surface, fits, chamfers, v)
                 && (fit.rms < MAX_RMS_OF_UNBIASED || stands_out(surface, fits, &is_end, v));
-        let is_moved = is_moved && !is_on_another_facet(surface, fits, &is_end, i, fit);
+        let is_moved =
+            is_moved && (surface.has_rounds() || !is_on_another_facet(surface, fits, &is_end, i, fit));
         is_moved.then(|| (v, surface.mesh.point(v) + surface.h * fit.displacement * fit.normal))
     };
     let zone = (0..near.verts.len() as u32).filter(|&i| is_in_zone[i as usize]);

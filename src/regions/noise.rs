@@ -182,7 +182,7 @@ mod tests {
         let n = 14;
         let m = noisy_cube(n, 0.12);
         let (normals, labels) = labels(&m);
-        let found = label_by_fits(&m, &normals, &labels);
+        let found = label_by_fits(&m, &normals, &labels, 0.0);
         assert!(found.moved.len() > 300, "{}", found.moved.len());
         let distance = |p: DVec3| {
             p.to_array().into_iter().map(|c| c.abs().min((c - n as f64).abs())).fold(1.0, f64::min)

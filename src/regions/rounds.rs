@@ -100,7 +100,9 @@ pub(super) fn judge_by_radius(
     strips: &mut [Strip],
     noise: f64,
 ) {
-    let is_asked = |strip: &Strip| (strip.fate == Fate::Kept || has_a_say(strip, noise)).then(Vec::new);
+    let is_asked = |strip: &Strip| {
+        (surface.has_rounds() || strip.fate == Fate::Kept || has_a_say(strip, noise)).then(Vec::new)
+    };
     let mut samples: Vec<Option<Vec<Inside>>> = strips.iter().map(is_asked).collect();
     for (&h, &strip) in candidates.iter().zip(strip_of) {
         if let Some(samples) = &mut samples[strip as usize] {
@@ -109,13 +111,27 @@ pub(super) fn judge_by_radius(
     }
     for (strip, samples) in strips.iter_mut().zip(samples) {
         let Some(samples) = samples.filter(|samples| !samples.is_empty()) else { continue };
-        if strip.fate == Fate::Kept && is_away(strip, &samples) {
+        if surface.has_rounds() {
+            strip.fate = fate_among_rounds(strip, &samples, surface.max_round);
+        } else if strip.fate == Fate::Kept && is_away(strip, &samples) {
             strip.fate = Fate::Round;
         } else if has_a_say(strip, noise)
             && let Some(fate) = fate_by(strip, &samples)
         {
             strip.fate = fate;
         }
+    }
+}
+
+/// What becomes of `strip` if rounds up to the radius `max_round` are creases.
+fn fate_among_rounds(strip: &Strip, samples: &[Inside], max_round: f64) -> Fate {
+    let mut reaches: Vec<f64> = samples.iter().map(|sample| sample.reach).collect();
+    match strip.fate {
+        Fate::Round | Fate::FarFromFits | Fate::Kept if quantile(&mut reaches, 0.5) <= max_round => {
+            Fate::Kept
+        }
+        Fate::Kept => Fate::Round,
+        fate => fate,
     }
 }
 

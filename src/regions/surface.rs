@@ -27,6 +27,10 @@ const BENT_ANGLE: f64 = CALM_ANGLE;
 /// Near are this many rings: the ends of chamfer edges have such an edge, and what moves with them is next to these.
 const BENT_RINGS: usize = 3;
 
+/// Where a round's two sides make a right angle, its middle is this share of its radius off both, 1 - cos 45 degrees
+/// and a fifth more; where they make less, it is less.
+const DEPTH_OF_ROUND: f64 = 0.35;
+
 /// What all steps read: the mesh, and what steps 1 and 2 say about its vertices.
 pub(super) struct Surface<'a> {
     pub mesh: &'a Mesh,
@@ -40,6 +44,8 @@ pub(super) struct Surface<'a> {
     /// bends. None where no region is smooth: then there is nothing to doubt by.
     pub doubtful: Vec<Vert>,
     pub near: Near,
+    /// Rounds up to this radius, in h, are what smoothing left of creases; 0 if there are none.
+    pub max_round: f64,
 }
 
 impl<'a> Surface<'a> {
@@ -52,10 +58,20 @@ impl<'a> Surface<'a> {
         if interior.as_slice().contains(&true) {
             doubtful = doubtful_near_bends(mesh, face_normals, labels, &deep);
         }
-        let near = Near::default();
-        let mut surface = Self { mesh, face_normals, h, interior, deep, red_face, doubtful, near };
+        let (near, max_round) = (Near::default(), 0.0);
+        let mut surface = Self { mesh, face_normals, h, interior, deep, red_face, doubtful, near, max_round };
         surface.near = Near::around(&surface, &surface.doubtful);
         surface
+    }
+
+    /// Whether rounded creases are looked for as well.
+    pub fn has_rounds(&self) -> bool {
+        self.max_round > 0.0
+    }
+
+    /// How far the samples of the largest of these rounds are off the fits of its sides, in h.
+    pub fn depth_of_rounds(&self) -> f64 {
+        DEPTH_OF_ROUND * self.max_round
     }
 
     /// The vertices that share an edge with `v`, which is doubtful, each once.

@@ -24,7 +24,7 @@ pub(super) fn planes(mesh: &Mesh, list: &[(usize, DVec3, f64, FitSource)]) -> Ve
 
 fn run(mesh: &Mesh) -> (RegionLabels, Placement) {
     let (normals, labels) = labels(mesh);
-    let labels = label_by_fits(mesh, &normals, &labels);
+    let labels = label_by_fits(mesh, &normals, &labels, 0.0);
     let placement = place_by_fits(mesh, &labels, None);
     (labels, placement)
 }

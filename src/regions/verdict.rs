@@ -155,7 +155,7 @@ mod tests {
         let n = 8;
         let m = cut_cube(n);
         let (normals, labels) = super::super::tests::labels(&m);
-        let regions = label_by_fits(&m, &normals, &labels);
+        let regions = label_by_fits(&m, &normals, &labels, 0.0);
         let placement = place_by_fits(&m, &regions, None);
         let verdict = verdict(&m, &regions, &placement);
         assert_eq!(verdict.creases.len(), 12);

@@ -148,9 +148,13 @@ pub fn options() -> impl Strategy<Value = Options> {
     ];
     let levels = prop_oneof![5 => Just(0), 2 => Just(1), 1 => Just(2)];
     let max_shift = prop::option::weighted(0.2, 0.0..3.0);
-    (method, smooth, max_shift, levels, 0..3usize).prop_map(|(method, smooth, max_shift, bend, denoise)| {
-        Options { method, smooth, max_shift, bend, denoise: denoise.saturating_sub(1), ..Options::default() }
-    })
+    let max_round = prop_oneof![3 => Just(0.0), 1 => 0.0..4.0];
+    (method, smooth, max_shift, max_round, levels, 0..3usize).prop_map(
+        |(method, smooth, max_shift, max_round, bend, denoise)| {
+            let denoise = denoise.saturating_sub(1);
+            Options { method, smooth, max_shift, max_round, bend, denoise, ..Options::default() }
+        },
+    )
 }
 
 /// A generator of numbers that is enough for noise (splitmix64).

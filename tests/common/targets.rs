@@ -174,6 +174,7 @@ fn options(how: u8, much: u8) -> Options {
             _ => Angle(3.0 * share),
         },
         max_shift: (how >> 7 == 1).then_some(3.0 * share),
+        max_round: if how >> 5 & 3 == 1 { 4.0 * share } else { 0.0 },
         ..Options::default()
     }
 }

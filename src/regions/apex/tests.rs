@@ -29,7 +29,7 @@ fn noise(x: f64, y: f64) -> f64 {
 
 fn run(m: &Mesh) -> RegionLabels {
     let (normals, labels) = labels(m);
-    label_by_fits(m, &normals, &labels)
+    label_by_fits(m, &normals, &labels, 0.0)
 }
 
 #[test]

@@ -87,12 +87,18 @@ fn a_round_stays_one() {
 /// What becomes of a strip `n` squares long that has this fate before: on a round between two sides that differ by this
 /// angle and touch it where it ends, with samples at a quarter and three quarters of its arc.
 fn judged_on_round(n: usize, degrees: f64, radius: f64, before: Fate) -> Fate {
+    judged_among_rounds(n, degrees, radius, before, 0.0)
+}
+
+/// The same where rounds up to a radius of `max_round` are creases.
+fn judged_among_rounds(n: usize, degrees: f64, radius: f64, before: Fate, max_round: f64) -> Fate {
     let angle = degrees.to_radians();
     let at = |turn: f64| radius * H * dvec3(0.0, turn.sin(), turn.cos() - 1.0);
     let rows = [0.25, 0.75].map(|share| at(share * angle));
     let m = ribbon(n, |_| rows.map(|p| [p.y, p.z]));
     let (normals, labels) = labels(&m);
     let mut surface = Surface::new(&m, &normals, &labels);
+    surface.max_round = max_round;
     (surface.h, surface.interior) = (H, crate::mesh::PerVert::filled(m.n_verts(), false));
     let sides = [(DVec3::Z, DVec3::ZERO), (dvec3(0.0, angle.sin(), angle.cos()), at(angle))];
     let fit = |v: usize| {
@@ -129,6 +135,20 @@ fn a_strip_without_samples_near_its_crease_is_a_round() {
     // .87 and .95 h, where the sides make 60 degrees.
     let fates = [1.51, 1.65].map(|radius| judged_on_round(2, 60.0, radius, Fate::Kept));
     assert_eq!(fates, [Fate::Kept, Fate::Round]);
+}
+
+#[test]
+fn rounds_up_to_the_radius_asked_for_are_creases() {
+    let fate =
+        |degrees: f64, radius: f64, before: Fate| judged_among_rounds(20, degrees, radius, before, 1.5);
+    for before in [Fate::FarFromFits, Fate::Round, Fate::Kept] {
+        let left = if before == Fate::FarFromFits { Fate::FarFromFits } else { Fate::Round };
+        assert_eq!([1.45, 1.55].map(|radius| fate(90.0, radius, before)), [Fate::Kept, left]);
+        // tan(22.5 degrees) is .414.
+        assert_eq!([3.5, 3.75].map(|radius| fate(45.0, radius, before)), [Fate::Kept, left]);
+    }
+    assert_eq!(fate(90.0, 1.0, Fate::PoorFits), Fate::PoorFits, "what is no surface is no crease");
+    assert_eq!(judged_among_rounds(1, 90.0, 1.0, Fate::Round, 1.5), Fate::Kept, "short ones as well");
 }
 
 /// One sample a row and side instead, at what `first` and `second` make of its place from 0 to 1.
