@@ -102,7 +102,7 @@ def test_grids_leave_the_surface_next_to_creases_only(method):
     assert off[from_crease > 2 * edge].max() < 1e-12
 
 
-@pytest.mark.parametrize("method", ["mc", "mcaxis", "nets", "decimated", "mi", "remesh"])
+@pytest.mark.parametrize("method", ["mc", "mcaxis", "nets", "decimated", "smoothed", "mi", "remesh"])
 def test_samplings_are_blind_to_creases(method, tmp_path):
     meshes.write_obj(tmp_path / "cube.obj", *original("cube"))
     meshes.write_obj(tmp_path / "sampled.obj", *sample("cube", method, SMALL))
@@ -127,6 +127,14 @@ def test_decimation_leaves_long_edges_across_flat_sides():
     assert lengths.max() > 4 * lengths.mean()
     finer, triangles = sample("cube", "mc", SMALL)
     assert meshes.edge_lengths(finer, meshes.edges_of(triangles)).max() < 3 * lengths.mean()
+
+
+def test_smoothing_rounds_creases():
+    surface = original("cube")
+    off = [
+        measure.nearest(surface[0], *sample("cube", method, SMALL))[0].mean() for method in ("mc", "smoothed")
+    ]
+    assert off[1] > 1.3 * off[0]
 
 
 def test_a_scan_covers_the_surface():
