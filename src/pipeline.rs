@@ -41,6 +41,7 @@ pub(crate) fn sharpen(
     if let Some(regions) = &chamfers.regions {
         report.found.chamfer_edges = regions.chamfers.len();
         report.found.apexes = regions.apexes.len();
+        report.found.rounded_edges = regions.n_rounded();
         let verdict = || verdict(mesh, regions, &chamfers.placement);
         report.verdict = options.keep_verdict.then(|| seconds.time("verdict", verdict));
     }

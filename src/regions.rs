@@ -149,6 +149,13 @@ impl RegionLabels {
         abstained.map(|(&h, _)| h).collect()
     }
 
+    /// How many edges look like chamfers and were left alone as rounded ones.
+    #[must_use]
+    pub fn n_rounded(&self) -> usize {
+        let is_rounded = |strip: &&Strip| matches!(strip.fate, Fate::Round | Fate::FarFromFits);
+        self.strips.iter().filter(is_rounded).map(|strip| strip.n_edges).sum()
+    }
+
     /// The edges between doubtful vertices of which one has no fit at all though the faces there bend like
     /// a chamfer, ascending: no smooth face that is three samples wide is near.
     #[must_use]

@@ -86,6 +86,8 @@ pub struct Found {
     pub corner_triangles: usize,
     /// Tips of cones.
     pub apexes: usize,
+    /// Edges that would be chamfer edges if rounds were creases (see [`Options::max_round`](crate::Options::max_round)).
+    pub rounded_edges: usize,
 }
 
 impl Found {
@@ -101,6 +103,7 @@ impl Found {
             chamfer_edges: edges(&labels.chamfer_edge),
             corner_triangles: labels.corner_faces.len(),
             apexes: 0,
+            rounded_edges: 0,
         }
     }
 }

@@ -137,13 +137,19 @@ fn summary(input: &Path, report: &Report) -> String {
     if report.found.smooth_edges == 0 && report.changed {
         return format!("{name}: not sharpened; {} -> {} faces", report.input.faces, report.output.faces);
     }
+    let found = &report.found;
+    let rounded = if found.rounded_edges > found.chamfer_edges {
+        format!("; {} edges are left as rounded ones (--rounds)", found.rounded_edges)
+    } else {
+        String::new()
+    };
     if !report.changed {
-        return format!("{name}: nothing to sharpen in {} faces", report.input.faces);
+        return format!("{name}: nothing to sharpen in {} faces{rounded}", report.input.faces);
     }
-    let corners = report.found.corner_triangles + report.found.apexes;
+    let corners = found.corner_triangles + found.apexes;
     format!(
-        "{name}: {} chamfer edges and {} corners; {moved} of {inserted} new vertices on the feature; {} -> {} faces",
-        report.found.chamfer_edges, corners, report.input.faces, report.output.faces,
+        "{name}: {} chamfer edges and {} corners; {moved} of {inserted} new vertices on the feature; {} -> {} faces{rounded}",
+        found.chamfer_edges, corners, report.input.faces, report.output.faces,
     )
 }
 

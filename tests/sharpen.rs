@@ -106,8 +106,10 @@ fn a_smoothed_cube_becomes_sharp_where_rounds_count_as_creases() {
     let length = |&[a, b]: &[Vert; 2]| sharp.mesh.point(a).distance(sharp.mesh.point(b));
     let total: f64 = sharp.tags.sharp_edges().iter().map(length).sum();
     assert!((22.0..=24.5).contains(&total), "{total}");
-    // A round that is larger stays.
-    assert!(!run(0.3).report.changed);
+    // A round that is larger stays, and is counted.
+    let left = run(0.3).report;
+    assert!(!left.changed && left.found.rounded_edges > 12 * 16, "{:?}", left.found);
+    assert_eq!(sharp.report.found.rounded_edges, 0);
 }
 
 #[test]
