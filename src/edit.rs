@@ -239,43 +239,8 @@ impl<'m> Edit<'m> {
         (common == 2 && self.is_surrounded(gone) && !turns()).then_some(beside)
     }
 
-    /// Whether two sheets touch along `a`-`b`: it has four faces, two for each direction.
-    pub(crate) fn is_pinched(&self, a: Vert, b: Vert) -> bool {
-        let mut n = [0; 2];
-        for &f in self.faces_at(a).iter().filter(|&&f| self.has_corner(f, b)) {
-            n[usize::from(self.runs(f, a, b))] += 1;
-        }
-        n == [2; 2]
-    }
-
-    /// Whether collapsing `gone` into `kept`, whose edge is pinched, leaves a surface there: as
-    /// [`collapsible`](Self::collapsible), but with four faces and four opposite vertices, and the faces that stay
-    /// go round `kept` in one ring (in two, what touches are two bodies).
-    pub(crate) fn is_collapsible_pinch(&self, gone: Vert, kept: Vert) -> bool {
-        let is_beside = |f: &Face| self.has_corner(*f, gone) && self.has_corner(*f, kept);
-        let beside = self.faces_at(gone).iter().filter(|f| is_beside(f));
-        let mut opposite: Vec<Vert> = beside.map(|&f| self.third(f, gone, kept)).collect();
-        opposite.sort_unstable();
-        let (link, kept_link) = (self.link(gone), self.link(kept));
-        let common = link.into_iter().filter(|v| kept_link.binary_search(v).is_ok());
-        let has_four = || opposite.iter().all(|&v| self.has_four_neighbours(v));
-        if !self.is_pinched(gone, kept) || !common.eq(opposite.iter().copied()) || !has_four() {
-            return false;
-        }
-        let others = |v: Vert| self.faces_at(v).iter().filter(|f| !is_beside(f));
-        let moved = |&f: &Face| self.faces[f].map(|v| if v == gone { kept } else { v });
-        let turns = || others(gone).map(moved).any(|t| self.is_turned(t));
-        let across = |f: &Face| {
-            let t = moved(f);
-            let i = t.iter().position(|&v| v == kept).unwrap_or(0);
-            [t[(i + 1) % 3], t[(i + 2) % 3]]
-        };
-        is_one_ring(others(gone).chain(others(kept)).map(across).collect()) && !turns()
-    }
-
-    /// Removes `gone` and the faces beside `gone`-`kept`, two that [`collapsible`](Self::collapsible) or four that
-    /// [`is_collapsible_pinch`](Self::is_collapsible_pinch) allowed; its other faces go to `kept`. Their indices
-    /// come back.
+    /// Removes `gone` and the two faces beside `gone`-`kept`, which [`collapsible`](Self::collapsible)
+    /// allowed; its other faces go to `kept`. Their indices come back.
     pub(crate) fn collapse(&mut self, gone: Vert, kept: Vert) -> Vec<Face> {
         let (beside, others): (Vec<_>, Vec<_>) =
             self.faces_at(gone).iter().partition(|&&f| self.has_corner(f, kept));
@@ -330,21 +295,6 @@ fn for_each_distinct(corners: &[Vert; 3], mut visit: impl FnMut(Vert)) {
     if c != a && c != b {
         visit(c);
     }
-}
-
-/// Whether these edges are closed, and can all be reached from the first.
-fn is_one_ring(mut edges: Vec<[Vert; 2]>) -> bool {
-    let ends = |i: usize| {
-        let mut ends: Vec<Vert> = edges.iter().map(|edge| edge[i]).collect();
-        ends.sort_unstable();
-        ends
-    };
-    let is_closed = ends(0) == ends(1);
-    let mut reached: Vec<Vert> = edges.first().map(|edge| edge[0]).into_iter().collect();
-    while let Some(next) = edges.iter().position(|edge| reached.contains(&edge[0])) {
-        reached.push(edges.swap_remove(next)[1]);
-    }
-    is_closed && edges.is_empty()
 }
 
 /// The faces round each vertex, ascending.

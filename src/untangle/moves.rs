@@ -2,8 +2,7 @@
 //!
 //! ```text
 //!   flip        the other diagonal of two faces, either of which may follow either fit
-//!   collapse    a vertex into a neighbour: off creases anywhere, on a crease along it only; or where
-//!               two sheets touch, along their edge of four faces
+//!   collapse    a vertex into a neighbour: off creases anywhere, on a crease along it only
 //!   merge       two crease vertices into one between them on the crease, or two corners that nearly coincide
 //!   respace     one crease vertex or a run of them along the crease (`respace.rs`)
 //!   back        an inserted vertex towards the middle of its edge: it leaves the feature, the last resort
@@ -187,20 +186,15 @@ impl Zone<'_, '_, '_> {
         if !self.is_inner[gone] || !is_free || !is_labelled {
             return None;
         }
-        // Surface nets have edges of four faces where a thin end of a side leaves a cube's face by two corners. Their
-        // ends move onto one side, and one or two of the four faces over the others: all but 30 of 575 folds.
-        let beside = self.edit.faces_beside(gone, kept);
-        if beside.is_none() && !self.edit.is_pinched(gone, kept) {
-            return None;
-        }
-        if along && beside.is_none_or(|beside| self.would_join_creases(gone, kept, beside)) {
+        let beside = self.edit.faces_beside(gone, kept)?;
+        if along && self.would_join_creases(gone, kept, beside) {
             return None;
         }
         let faces = self.edit.faces_at(gone).to_vec();
         let old: f64 = faces.iter().map(|&f| self.value_of(f)).sum();
         let limit = if even_if_equal { old + ROUNDING } else { old - MIN_GAIN };
-        let stay: Vec<Face> = faces.into_iter().filter(|&f| !self.edit.has_corner(f, kept)).collect();
-        let new = self.energy_with(&[gone], &[self.edit.point(kept)], stay, limit)?;
+        let others = faces.into_iter().filter(|f| !beside.contains(f));
+        let new = self.energy_with(&[gone], &[self.edit.point(kept)], others, limit)?;
         if along && n_creases == 2 {
             let &other = self.crease(gone).iter().find(|&&w| w != kept)?;
             let middle = self.edit.point(other).midpoint(self.edit.point(kept));
@@ -209,11 +203,7 @@ impl Zone<'_, '_, '_> {
             }
         }
         // Last, as it costs most: few collapses gain.
-        let is_allowed = match beside {
-            Some(_) => self.edit.collapsible(gone, kept).is_some(),
-            None => self.edit.is_collapsible_pinch(gone, kept),
-        };
-        is_allowed.then_some(old - new)
+        self.edit.collapsible(gone, kept).map(|_| old - new)
     }
 
     /// The energy of face `f` once an operation has made it `triangle`, unless it leaves its fit.

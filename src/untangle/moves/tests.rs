@@ -297,16 +297,3 @@ fn a_collapse_lets_its_faces_be_looked_at_anew() {
         assert_eq!(zone.value_of(f), 0.0);
     });
 }
-
-// Round the edge 0-1, which has four faces, go 2, 3, 4 and 5: two of the four are turned over.
-#[test]
-fn an_edge_of_four_faces_collapses() {
-    let points =
-        [[0.1, 0.05, 0.], [-0.1, -0.05, 0.], [1., 0., 0.], [0., 1., 0.], [-1., 0., 0.], [0., -1., 0.]];
-    let beside = [[0, 1, 2], [0, 3, 1], [0, 1, 4], [0, 5, 1]];
-    let faces = [&beside[..], &[[0, 2, 3], [1, 3, 4], [0, 4, 5], [1, 5, 2]]].concat();
-    let scene = Scene::new(&points, &faces, 6, &[]).with_plane(0..6, DVec3::Z);
-    let gain = collapse_gain(&scene, 0, 1).unwrap();
-    assert!((gain - 5.0).abs() < 1e-9, "{gain}");
-    assert_eq!(collapse_gain(&scene.without_fit(0..1), 0, 1), None, "no label");
-}
