@@ -255,6 +255,56 @@ impl<'m> Edit<'m> {
         others
     }
 
+    /// The faces round `gone` from `f`, which has `kept` as well, to the next face that has: what `gone` may hand over
+    /// to `kept`, where more than two faces have both. Nothing joins `kept` to the vertices between yet, the first
+    /// and the last one keep three neighbours, and no face may be turned over.
+    pub(crate) fn loose_fan(&self, f: Face, gone: Vert, kept: Vert) -> Option<Vec<Face>> {
+        let (mut fan, mut path) = (vec![f], vec![self.third(f, gone, kept)]);
+        for _ in 0..self.faces_at(gone).len() {
+            let (last, v) = (*fan.last()?, *path.last()?);
+            let next = self.faces_beside(gone, v)?.into_iter().find(|&g| g != last)?;
+            fan.push(next);
+            if self.has_corner(next, kept) {
+                break;
+            }
+            path.push(self.third(next, gone, v));
+        }
+        let ends = [path[0], *path.last()?];
+        let between = path.get(1..path.len() - 1)?;
+        let is_closed = self.has_corner(*fan.last()?, kept) && ends[0] != ends[1];
+        let joins = || between.iter().any(|&v| self.are_neighbours(v, kept));
+        let is_face = || {
+            between.is_empty()
+                && self.faces_at(kept).iter().any(|&g| ends.iter().all(|&v| self.has_corner(g, v)))
+        };
+        let moved = |&f: &Face| self.faces[f].map(|v| if v == gone { kept } else { v });
+        let turns = || fan[1..fan.len() - 1].iter().map(moved).any(|t| self.is_turned(t));
+        let is_allowed = is_closed
+            && ends.iter().all(|&v| self.has_four_neighbours(v))
+            && !joins()
+            && !is_face()
+            && !turns();
+        is_allowed.then_some(fan)
+    }
+
+    /// Hands a `fan` that [`loose_fan`](Self::loose_fan) allowed over from `gone` to `kept`: its first and last face
+    /// are removed. The indices of the others come back.
+    pub(crate) fn hand_over(&mut self, fan: &[Face], gone: Vert, kept: Vert) -> Vec<Face> {
+        let others = fan[1..fan.len() - 1].to_vec();
+        for f in [fan[0], fan[fan.len() - 1]] {
+            for v in self.faces[f] {
+                self.list(v).retain(|&g| g != f);
+            }
+            self.faces[f] = DEAD;
+        }
+        for &f in &others {
+            self.faces[f] = self.faces[f].map(|v| if v == gone { kept } else { v });
+        }
+        self.list(gone).retain(|f| !others.contains(f));
+        self.list(kept).extend(&others);
+        others
+    }
+
     /// Gives `f` and `g` the corners `t` and `u`: the two triangles that the other diagonal of their
     /// quadrilateral makes.
     pub(crate) fn flip(&mut self, [f, g]: [Face; 2], [t, u]: [[Vert; 3]; 2]) {

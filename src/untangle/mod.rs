@@ -21,6 +21,7 @@
 
 mod cross;
 mod fold;
+mod knots;
 mod low;
 mod moves;
 mod respace;
@@ -62,7 +63,7 @@ pub struct UntangleCounts {
     pub bad_before: usize,
     /// Bad faces and slivers that nothing mended.
     pub left: usize,
-    /// Edges collapsed, short ones and those of low faces included.
+    /// Edges collapsed, short ones and those of low faces included, and edges of four faces that have two now.
     pub collapsed: usize,
     /// Edges flipped.
     pub flipped: usize,
