@@ -45,6 +45,23 @@ pub(crate) struct Edit<'m> {
     into: PerVert<Vert>,
 }
 
+/// Faces one after the other round a vertex, of which the last one meets the first along an edge of more than two.
+#[derive(Clone, Debug)]
+pub(crate) struct Fan {
+    pub gone: Vert,
+    pub faces: Vec<Face>,
+    /// The other corners in the same order: each face has the one with its index and the next one.
+    pub ring: Vec<Vert>,
+}
+
+impl Fan {
+    /// The faces without vertex `i` of the ring.
+    pub(crate) fn left_by(&self, i: usize) -> impl Iterator<Item = Face> + '_ {
+        let n = self.faces.len();
+        (1..n - 1).map(move |k| self.faces[(i + k) % n])
+    }
+}
+
 impl<'m> Edit<'m> {
     pub(crate) fn new(refined: &'m Refined, n_old: usize, is_whole: &'m PerVert<bool>) -> Self {
         let mesh = &refined.mesh;
@@ -255,43 +272,50 @@ impl<'m> Edit<'m> {
         others
     }
 
-    /// The faces round `gone` from `f`, which has `kept` as well, to the next face that has: what `gone` may hand over
-    /// to `kept`, where more than two faces have both. Nothing joins `kept` to the vertices between yet, the first
-    /// and the last one keep three neighbours, and no face may be turned over.
-    pub(crate) fn loose_fan(&self, f: Face, gone: Vert, kept: Vert) -> Option<Vec<Face>> {
-        let (mut fan, mut path) = (vec![f], vec![self.third(f, gone, kept)]);
+    /// The fan of `gone` from `f`, which has `other` as well, to the next face that has, where more than two faces
+    /// have both.
+    pub(crate) fn fan_from(&self, f: Face, gone: Vert, other: Vert) -> Option<Fan> {
+        let (mut faces, mut ring) = (vec![f], vec![other, self.third(f, gone, other)]);
         for _ in 0..self.faces_at(gone).len() {
-            let (last, v) = (*fan.last()?, *path.last()?);
+            let (last, v) = (*faces.last()?, *ring.last()?);
             let next = self.faces_beside(gone, v)?.into_iter().find(|&g| g != last)?;
-            fan.push(next);
-            if self.has_corner(next, kept) {
-                break;
+            faces.push(next);
+            if self.has_corner(next, other) {
+                return (faces.len() > 2).then_some(Fan { gone, faces, ring });
             }
-            path.push(self.third(next, gone, v));
+            ring.push(self.third(next, gone, v));
         }
-        let ends = [path[0], *path.last()?];
-        let between = path.get(1..path.len() - 1)?;
-        let is_closed = self.has_corner(*fan.last()?, kept) && ends[0] != ends[1];
-        let joins = || between.iter().any(|&v| self.are_neighbours(v, kept));
-        let is_face = || {
-            between.is_empty()
-                && self.faces_at(kept).iter().any(|&g| ends.iter().all(|&v| self.has_corner(g, v)))
-        };
-        let moved = |&f: &Face| self.faces[f].map(|v| if v == gone { kept } else { v });
-        let turns = || fan[1..fan.len() - 1].iter().map(moved).any(|t| self.is_turned(t));
-        let is_allowed = is_closed
-            && ends.iter().all(|&v| self.has_four_neighbours(v))
-            && !joins()
-            && !is_face()
-            && !turns();
-        is_allowed.then_some(fan)
+        None
     }
 
-    /// Hands a `fan` that [`loose_fan`](Self::loose_fan) allowed over from `gone` to `kept`: its first and last face
-    /// are removed. The indices of the others come back.
-    pub(crate) fn hand_over(&mut self, fan: &[Face], gone: Vert, kept: Vert) -> Vec<Face> {
-        let others = fan[1..fan.len() - 1].to_vec();
-        for f in [fan[0], fan[fan.len() - 1]] {
+    /// Whether vertex `i` of the ring of `fan` may take its faces over: nothing joins it to the ring but the edges to
+    /// the vertices beside it, these keep three neighbours, and no face is turned over.
+    pub(crate) fn may_take(&self, fan: &Fan, i: usize) -> bool {
+        let n = fan.ring.len();
+        let kept = fan.ring[i];
+        let beside = [1, n - 1].map(|k| fan.ring[(i + k) % n]);
+        let joins = || (2..n - 1).any(|k| self.are_neighbours(fan.ring[(i + k) % n], kept));
+        let is_face = || {
+            n == 3
+                && self
+                    .faces_at(kept)
+                    .iter()
+                    .any(|g| !fan.faces.contains(g) && beside.iter().all(|&v| self.has_corner(*g, v)))
+        };
+        let moved = |f: Face| self.faces[f].map(|v| if v == fan.gone { kept } else { v });
+        beside[0] != beside[1]
+            && beside.iter().all(|&v| self.has_four_neighbours(v))
+            && !joins()
+            && !is_face()
+            && !fan.left_by(i).any(|f| self.is_turned(moved(f)))
+    }
+
+    /// Gives the faces of `fan` to vertex `i` of its ring, which [`may_take`](Self::may_take) them: the two that have
+    /// it are removed. The indices of the others come back.
+    pub(crate) fn hand_over(&mut self, fan: &Fan, i: usize) -> Vec<Face> {
+        let (gone, kept) = (fan.gone, fan.ring[i]);
+        let others: Vec<Face> = fan.left_by(i).collect();
+        for &f in fan.faces.iter().filter(|f| !others.contains(f)) {
             for v in self.faces[f] {
                 self.list(v).retain(|&g| g != f);
             }

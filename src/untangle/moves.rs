@@ -3,7 +3,7 @@
 //! ```text
 //!   flip        the other diagonal of two faces, either of which may follow either fit
 //!   collapse    a vertex into a neighbour: off creases anywhere, on a crease along it only
-//!   loosen      a fan of faces from one end of an edge of four faces to the other (`knots.rs`)
+//!   loosen      a fan of faces at an edge of four faces from one vertex to another (`knots.rs`)
 //!   merge       two crease vertices into one between them on the crease, or two corners that nearly coincide
 //!   respace     one crease vertex or a run of them along the crease (`respace.rs`)
 //!   back        an inserted vertex towards the middle of its edge: it leaves the feature, the last resort
@@ -19,6 +19,7 @@ mod tests;
 use glam::DVec3;
 
 use super::{CREASE_TOLERANCE, Energy, FACE_TOLERANCE, MIN_GAIN, UntangleCounts, Zone};
+use crate::edit::Fan;
 use crate::mesh::{Face, Vert};
 
 /// Two corners joined by a crease edge shorter than this (in mean edge lengths) may merge: what should be one apex of
@@ -50,7 +51,7 @@ const RESIDUAL_SLACK: f64 = 1.0001;
 pub(super) enum Operation {
     Flip { faces: [Face; 2], triangles: [[Vert; 3]; 2] },
     Collapse { gone: Vert, kept: Vert },
-    Loosen { gone: Vert, kept: Vert, fan: Vec<Face> },
+    Loosen { fan: Fan, to: usize },
     Merge { gone: Vert, kept: Vert, to: DVec3 },
     Respace { vertices: Vec<Vert>, to: Vec<DVec3> },
     MoveBack { vertex: Vert, to: DVec3 },
@@ -96,8 +97,8 @@ impl Zone<'_, '_, '_> {
             for (gone, kept) in [(a, b), (b, a)] {
                 if let Some(gain) = self.try_collapse(gone, kept, false) {
                     push(gain, 1, length_squared, [gone, kept], Operation::Collapse { gone, kept });
-                } else if let Some((gain, fan)) = self.try_loosen(f, gone, kept) {
-                    push(gain, 1, length_squared, [gone, kept], Operation::Loosen { gone, kept, fan });
+                } else if let Some((gain, fan, to)) = self.try_loosen(f, gone, kept) {
+                    push(gain, 1, length_squared, [gone, kept], Operation::Loosen { fan, to });
                 }
             }
             if self.edit.is_inserted(a) && self.edit.is_inserted(b) {
@@ -137,9 +138,9 @@ impl Zone<'_, '_, '_> {
                 counts.collapsed += 1;
                 self.collapse(gone, kept)
             }
-            Operation::Loosen { gone, kept, fan } => {
+            Operation::Loosen { fan, to } => {
                 counts.collapsed += 1;
-                let touched = self.edit.hand_over(&fan, gone, kept);
+                let touched = self.edit.hand_over(&fan, to);
                 touched.iter().for_each(|&f| self.forget(f));
                 touched
             }
