@@ -111,3 +111,74 @@ fn misoriented_faces_are_not_beside_an_edge() {
     assert_eq!(edit.faces_beside(v(0), v(1)), None);
     assert!(!edit.is_surrounded(v(0)));
 }
+
+/// Two sheets that share edge 0-1. That of vertices 2 and 3 is above; the fan of 1 below runs along 4-5-6-7.
+const KNOT: [[usize; 3]; 9] =
+    [[0, 1, 2], [0, 3, 1], [0, 2, 4], [0, 7, 3], [0, 4, 1], [1, 4, 5], [1, 5, 6], [1, 6, 7], [0, 1, 7]];
+
+/// The fan of 1 that starts with face `first`, and the faces when it belongs to vertex `i` of its ring, if that is
+/// allowed.
+fn handed_to(i: usize, faces: &[[usize; 3]], first: usize) -> Option<(Vec<usize>, Vec<[usize; 3]>)> {
+    let m = mesh(&[[0., 0., 0.]; 9], faces);
+    let (inserts, is_whole) = (Inserts::none(), all_whole(&m));
+    let refined = refine(&m, &inserts).unwrap();
+    let mut edit = Edit::new(&refined, 9, &is_whole);
+    let fan = edit.fan_from(Face::new(first), v(1), v(0))?;
+    if !edit.may_take(&fan, i) {
+        return None;
+    }
+    let others = edit.hand_over(&fan, i);
+    assert_eq!(others.len(), fan.faces.len() - 2);
+    // Faces at a vertex are those that have it as a corner.
+    for u in (0..9).map(v) {
+        let mut known = edit.faces_at(u).to_vec();
+        known.sort_unstable();
+        let with = |&f: &Face| edit.stands(f) && edit.has_corner(f, u);
+        assert_eq!(known, m.face_ids().filter(with).collect::<Vec<_>>());
+    }
+    let stand = m.face_ids().filter(|&f| edit.stands(f));
+    let faces = stand.map(|f| edit.corners(f).map(Vert::index)).collect();
+    Some((fan.faces.into_iter().map(Face::index).collect(), faces))
+}
+
+fn handed_over(faces: &[[usize; 3]], first: usize) -> Option<(Vec<usize>, Vec<[usize; 3]>)> {
+    handed_to(0, faces, first)
+}
+
+#[test]
+fn a_knot_is_loosened_by_handing_a_fan_over() {
+    let after = [&KNOT[..4], &[[0, 4, 5], [0, 5, 6], [0, 6, 7]]].concat();
+    assert_eq!(handed_over(&KNOT, 4), Some((vec![4, 5, 6, 7, 8], after.clone())));
+    assert_eq!(handed_over(&KNOT, 8), Some((vec![8, 7, 6, 5, 4], after)));
+}
+
+#[test]
+fn a_fan_may_go_to_another_vertex_of_its_ring() {
+    let wide = [&KNOT[..], &[[2, 8, 4], [8, 5, 4], [8, 6, 5], [8, 7, 6], [8, 3, 7]]].concat();
+    let after = |i| handed_to(i, &wide, 4).map(|(_, faces)| faces[4..faces.len() - 5].to_vec());
+    assert_eq!(after(2), Some(vec![[0, 4, 5], [5, 6, 7], [0, 5, 7]]));
+    assert_eq!(after(4), Some(vec![[0, 4, 7], [7, 4, 5], [7, 5, 6]]));
+    let joined = [&wide[..], &[[5, 7, 8]]].concat();
+    assert!(handed_to(2, &joined, 4).is_none() && handed_to(4, &joined, 4).is_none(), "5 and 7 are joined");
+    assert!(handed_to(3, &joined, 4).is_some());
+}
+
+#[test]
+fn no_fan_is_handed_over_where_the_surface_would_be_no_surface() {
+    let refuses =
+        |faces: &[[usize; 3]], more: &[[usize; 3]]| handed_over(&[faces, more].concat(), 4).is_none();
+    assert!(!refuses(&KNOT, &[[8, 2, 3]]), "another face does not matter");
+    assert!(refuses(&KNOT, &[[0, 5, 8]]), "0 and 5 are joined already");
+    let open: Vec<_> = KNOT.into_iter().filter(|&f| f != [1, 5, 6]).collect();
+    assert!(refuses(&open, &[]), "the fan does not close");
+    let three = KNOT.map(|f| if f == [0, 2, 4] { [0, 2, 8] } else { f });
+    assert!(refuses(&three, &[]), "4 would keep two neighbours");
+    let three = KNOT.map(|f| if f == [0, 7, 3] { [0, 8, 3] } else { f });
+    assert!(refuses(&three, &[]), "7 would");
+    // The fan has one face between the two that go.
+    let short =
+        [KNOT[0], KNOT[1], KNOT[2], [0, 5, 3], KNOT[4], KNOT[5], [0, 1, 5], [4, 5, 8], [2, 4, 8], [5, 3, 8]];
+    assert!(!refuses(&short, &[]));
+    assert!(refuses(&short, &[[0, 5, 4]]), "that face would have a twin");
+    assert!(refuses(&[KNOT[0], KNOT[1], KNOT[2], KNOT[3], KNOT[4], [0, 1, 4]], &[[4, 7, 8]]), "it has none");
+}
