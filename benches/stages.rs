@@ -55,7 +55,11 @@ fn stages(criterion: &mut Criterion) {
     for (name, mesh) in meshes() {
         let parts = || (mesh.points().to_vec(), mesh.faces().to_vec());
         let normals = mesh.face_normals();
-        let options = ClassifyOptions { threshold: SmoothThreshold::MeanTimes(2.0), border_is_smooth: true };
+        let options = ClassifyOptions {
+            threshold: SmoothThreshold::MeanTimes(2.0),
+            border_is_smooth: true,
+            folds_count: true,
+        };
         let labels = classify(&mesh, &normals, &options);
         let placement = place(&mesh, &normals, &labels, &PlaceRules::MEASURED);
         let text =

@@ -50,6 +50,8 @@ pub struct ClassifyOptions {
     pub threshold: SmoothThreshold,
     /// Whether filter 1 passes over border edges.
     pub border_is_smooth: bool,
+    /// Whether folded edges count in the mean dihedral angle.
+    pub folds_count: bool,
 }
 
 /// The colours of the papers, one flag per element. Edge flags are the same on both half-edges.
@@ -110,7 +112,7 @@ pub fn classify_interior(mesh: &Mesh, normals: &PerFace<DVec3>, options: &Classi
 }
 
 fn smooth_edges_and_filter_1(mesh: &Mesh, normals: &PerFace<DVec3>, options: &ClassifyOptions) -> Labels {
-    let (threshold, smooth_edge) = smooth_edges(mesh, normals, options.threshold);
+    let (threshold, smooth_edge) = smooth_edges(mesh, normals, options);
     let mut labels = Labels { threshold, smooth_edge, ..Labels::default() };
     filter_1_interior_of_smooth_region(mesh, options.border_is_smooth, &mut labels);
     labels
@@ -120,13 +122,16 @@ fn smooth_edges_and_filter_1(mesh: &Mesh, normals: &PerFace<DVec3>, options: &Cl
 /// threshold does not depend on the number of threads.
 const CHUNK: usize = 4096;
 
+/// An edge with a larger dihedral angle, in radians, is folded: 150 degrees.
+const FOLDED_ANGLE: f64 = 150.0 * std::f64::consts::PI / 180.0;
+
 /// The threshold in radians, and the edges below it.
 ///
 /// The mean runs over edges with two faces that both have a normal; no other edge has an angle, and an
 /// edge without an angle is never smooth.
-fn smooth_edges(mesh: &Mesh, normals: &PerFace<DVec3>, threshold: SmoothThreshold) -> (f64, PerHalf<bool>) {
-    let (mean, steps) = mean_angle_and_steps(mesh, normals);
-    let threshold = match threshold {
+fn smooth_edges(mesh: &Mesh, normals: &PerFace<DVec3>, options: &ClassifyOptions) -> (f64, PerHalf<bool>) {
+    let (mean, steps) = mean_angle_and_steps(mesh, normals, options.folds_count);
+    let threshold = match options.threshold {
         SmoothThreshold::Angle(angle) => angle,
         SmoothThreshold::MeanTimes(factor) => factor * mean,
     };
@@ -149,12 +154,12 @@ fn smooth_edges(mesh: &Mesh, normals: &PerFace<DVec3>, threshold: SmoothThreshol
 ///
 /// The threshold is known only after the mean. A byte for each edge is fetched faster than two normals are once
 /// more.
-fn mean_angle_and_steps(mesh: &Mesh, normals: &PerFace<DVec3>) -> (f64, Vec<u8>) {
+fn mean_angle_and_steps(mesh: &Mesh, normals: &PerFace<DVec3>, folds_count: bool) -> (f64, Vec<u8>) {
     let steps: Vec<AtomicU8> =
         (0..mesh.n_halves()).into_par_iter().map(|_| AtomicU8::new(NO_ANGLE)).collect();
     let sum_of = |edges: &mut Vec<Half>, (i, faces): (usize, &[[Vert; 3]])| {
         mesh.edges_of(CHUNK * i..CHUNK * i + faces.len(), edges);
-        let (mut sum, mut n_edges) = (0.0, 0);
+        let mut angles = Angles::default();
         for &h in edges.iter() {
             let Some(twin) = mesh.twin(h) else { continue };
             let (n, m) = (normals[h.face()], normals[twin.face()]);
@@ -163,16 +168,53 @@ fn mean_angle_and_steps(mesh: &Mesh, normals: &PerFace<DVec3>) -> (f64, Vec<u8>)
             }
             let chord = n.distance_squared(m);
             [h, twin].iter().for_each(|half| steps[half.index()].store(step_of(chord), Relaxed));
-            sum += angle_of_chord(chord, || angle_between(n, m));
-            n_edges += 1;
+            angles.add(angle_of_chord(chord, || angle_between(n, m)));
         }
-        (sum, n_edges)
+        angles
     };
     let chunks = mesh.faces().par_chunks(CHUNK).enumerate();
-    let sums: Vec<(f64, usize)> = chunks.map_init(Vec::new, sum_of).collect();
-    let (sum, n) = sums.into_iter().fold((0.0, 0), |(s, n), (t, m)| (s + t, n + m));
+    let sums: Vec<Angles> = chunks.map_init(Vec::new, sum_of).collect();
+    let all = sums.into_iter().fold(Angles::default(), Angles::and);
     let steps = steps.into_iter().map(AtomicU8::into_inner).collect();
-    (if n == 0 { 0.0 } else { sum / n as f64 }, steps)
+    (all.mean(folds_count), steps)
+}
+
+/// Sums of dihedral angles, in radians.
+#[derive(Clone, Copy, Debug, Default)]
+struct Angles {
+    sum: f64,
+    n: usize,
+    /// Those of folded edges among them.
+    sum_of_folded: f64,
+    n_folded: usize,
+}
+
+impl Angles {
+    #[inline]
+    fn add(&mut self, angle: f64) {
+        self.sum += angle;
+        self.n += 1;
+        if angle > FOLDED_ANGLE {
+            self.sum_of_folded += angle;
+            self.n_folded += 1;
+        }
+    }
+
+    fn and(self, other: Self) -> Self {
+        Self {
+            sum: self.sum + other.sum,
+            n: self.n + other.n,
+            sum_of_folded: self.sum_of_folded + other.sum_of_folded,
+            n_folded: self.n_folded + other.n_folded,
+        }
+    }
+
+    /// Their mean, without the folded ones if these do not count; 0 if there are none.
+    fn mean(self, folds_count: bool) -> f64 {
+        let Self { sum, n, sum_of_folded, n_folded } = self;
+        let (sum, n) = if folds_count { (sum, n) } else { (sum - sum_of_folded, n - n_folded) };
+        if n == 0 { 0.0 } else { sum / n as f64 }
+    }
 }
 
 /// The step of an edge without an angle.

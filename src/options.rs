@@ -79,7 +79,8 @@ impl Default for Options {
 
 impl Options {
     pub(crate) fn classify_options(&self) -> ClassifyOptions {
-        ClassifyOptions { threshold: self.smooth, border_is_smooth: self.method != Method::Paper }
+        let border_is_smooth = self.method != Method::Paper;
+        ClassifyOptions { threshold: self.smooth, border_is_smooth, folds_count: true }
     }
 
     pub(crate) fn place_rules(&self) -> PlaceRules {

@@ -5,7 +5,7 @@
 
 use rayon::prelude::*;
 
-use crate::classify::{Labels, SmoothThreshold, classify, classify_interior, red_edges};
+use crate::classify::{ClassifyOptions, Labels, SmoothThreshold, classify, classify_interior, red_edges};
 use crate::collapse::{CollapseCounts, collapse_degenerate_faces};
 use crate::edit::Edit;
 use crate::excerpt::{Excerpt, Now, RINGS, Rejoined, UNTANGLING_RINGS};
@@ -78,16 +78,22 @@ struct Chamfers {
 
 /// Above this threshold for smooth edges, in radians, a mesh is too noisy or terraced: 40 degrees. Clean
 /// samplings have 4 to 18, with noise of 5 % of the edges up to 34, of which they still gain; from 57 on
-/// nothing but spikes came of it.
+/// nothing but spikes came of it. Coarse meshes on whose flat sides decimation by quadrics left folded slivers have 40 to
+/// 54, without these edges mostly 30 to 36.
 const MAX_THRESHOLD: f64 = 40.0 * std::f64::consts::PI / 180.0;
 /// With a smaller share of interior vertices there is no smooth region to speak of. Sampled parts have
 /// 0.4 and more, a body of cubes 0.04.
 const MIN_INTERIOR_SHARE: f64 = 0.05;
 
+/// Whether the mesh may turn out not to be the kind of input that can be sharpened.
+fn is_questioned(options: &Options) -> bool {
+    options.method != Method::Paper && !matches!(options.smooth, SmoothThreshold::Angle(_))
+}
+
 /// Why a mesh is not the kind of input that can be sharpened, if it is not. A threshold that the caller
 /// chose is never questioned, and neither is the strict algorithm.
 fn unfit(mesh: &Mesh, labels: &Labels, options: &Options) -> Option<String> {
-    if options.method == Method::Paper || matches!(options.smooth, SmoothThreshold::Angle(_)) {
+    if !is_questioned(options) {
         return None;
     }
     let n_interior = labels.interior_vertex.as_slice().iter().filter(|&&interior| interior).count();
@@ -112,6 +118,10 @@ fn find(mesh: &Mesh, options: &Options, seconds: &mut Seconds) -> Chamfers {
     let normals = seconds.time("normals", || mesh.face_normals());
     let colour = if options.method == Method::Regions { classify_interior } else { classify };
     let mut labels = seconds.time("classify", || colour(mesh, &normals, &options.classify_options()));
+    if is_questioned(options) && labels.threshold > MAX_THRESHOLD {
+        let without_folds = ClassifyOptions { folds_count: false, ..options.classify_options() };
+        labels = seconds.time("classify", || colour(mesh, &normals, &without_folds));
+    }
     let unfit = unfit(mesh, &labels, options);
     if unfit.is_some() {
         labels = classify(mesh, &normals, &options.classify_options());

@@ -88,6 +88,33 @@ fn the_sharp_edges_of_a_cube_are_its_twelve_edges() {
 }
 
 #[test]
+fn folded_slivers_do_not_say_what_is_smooth_where_they_are_many() {
+    // Pairs of triangles back to back beside the cube: all their edges are folded.
+    let cube = chamfered_cube(8, 0.9);
+    let with_pairs = |n: usize| {
+        let (mut points, mut faces) = (cube.points().to_vec(), cube.faces().to_vec());
+        for i in 0..n {
+            let first = points.len();
+            let corner = DVec3::new(3.0 + i as f64, 0.0, 0.0);
+            points.extend([corner, corner + 0.2 * DVec3::X, corner + 0.2 * DVec3::Y]);
+            let [a, b, c] = [0, 1, 2].map(|k| Vert::new(first + k));
+            faces.extend([[a, b, c], [a, c, b]]);
+        }
+        Mesh::new(points, faces).unwrap()
+    };
+    for n in [10, 60] {
+        let report = run(&with_pairs(n), Method::Regions).report;
+        assert_eq!((report.found.chamfer_edges, report.unfit), (12 * 15, None), "{n}");
+    }
+    // 60 pairs set the limit above 40 degrees.
+    assert!(run(&with_pairs(60), Method::Paper).report.found.threshold_deg > 40.0);
+    assert!(run(&with_pairs(60), Method::Regions).report.found.threshold_deg < 20.0);
+    let few = [Method::Paper, Method::Regions]
+        .map(|method| run(&with_pairs(10), method).report.found.threshold_deg);
+    assert_eq!(few[0], few[1]);
+}
+
+#[test]
 fn a_smoothed_cube_becomes_sharp_where_rounds_count_as_creases() {
     let smoothing = Options { sharpen: false, denoise: 2, ..Options::default() };
     let smooth = sharpen(&chamfered_cube(16, 0.95), &smoothing).unwrap().mesh;

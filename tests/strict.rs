@@ -65,7 +65,11 @@ fn compare(name: &str) {
     let reference: Value = serde_json::from_slice(&std::fs::read(reference).unwrap()).unwrap();
     let mesh = load(&input);
     let normals = mesh.face_normals();
-    let options = ClassifyOptions { threshold: SmoothThreshold::MeanTimes(2.0), border_is_smooth: false };
+    let options = ClassifyOptions {
+        threshold: SmoothThreshold::MeanTimes(2.0),
+        border_is_smooth: false,
+        folds_count: true,
+    };
     let labels = classify(&mesh, &normals, &options);
     let threshold = reference["threshold"].as_f64().unwrap();
     assert!((labels.threshold - threshold).abs() < 1e-12, "{} {threshold}", labels.threshold);

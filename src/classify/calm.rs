@@ -140,7 +140,7 @@ mod tests {
         let squares = (0..n - 1).flat_map(|c| (0..4).map(move |r| 5 * c + r));
         let faces: Vec<_> = squares.flat_map(|v| [[v, v + 5, v + 6], [v, v + 6, v + 1]]).collect();
         let m = mesh(&points, &faces);
-        let options = |threshold| ClassifyOptions { threshold, border_is_smooth: true };
+        let options = |threshold| ClassifyOptions { threshold, border_is_smooth: true, folds_count: true };
         let in_row_2 = |labels: &Labels| {
             (0..n).filter(|c| labels.interior_vertex[Vert::new(5 * c + 2)]).collect::<Vec<_>>()
         };

@@ -4,7 +4,7 @@ use approx::assert_relative_eq;
 use std::f64::consts::FRAC_PI_4;
 
 fn labels(mesh: &Mesh, threshold: SmoothThreshold, border_is_smooth: bool) -> Labels {
-    classify(mesh, &mesh.face_normals(), &ClassifyOptions { threshold, border_is_smooth })
+    classify(mesh, &mesh.face_normals(), &ClassifyOptions { threshold, border_is_smooth, folds_count: true })
 }
 
 fn flagged<I>(flags: &crate::mesh::PerElement<I, bool>) -> Vec<usize> {

@@ -5,7 +5,11 @@ use crate::place::{Outcome, Placement};
 use glam::dvec3;
 
 pub(super) fn labels(mesh: &Mesh) -> (PerFace<DVec3>, Labels) {
-    let options = ClassifyOptions { threshold: SmoothThreshold::MeanTimes(2.0), border_is_smooth: true };
+    let options = ClassifyOptions {
+        threshold: SmoothThreshold::MeanTimes(2.0),
+        border_is_smooth: true,
+        folds_count: true,
+    };
     let normals = mesh.face_normals();
     let labels = classify(mesh, &normals, &options);
     (normals, labels)
