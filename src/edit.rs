@@ -45,23 +45,6 @@ pub(crate) struct Edit<'m> {
     into: PerVert<Vert>,
 }
 
-/// Faces one after the other round a vertex, of which the last one meets the first along an edge of more than two.
-#[derive(Clone, Debug)]
-pub(crate) struct Fan {
-    pub gone: Vert,
-    pub faces: Vec<Face>,
-    /// The other corners in the same order: each face has the one with its index and the next one.
-    pub ring: Vec<Vert>,
-}
-
-impl Fan {
-    /// The faces without vertex `i` of the ring.
-    pub(crate) fn left_by(&self, i: usize) -> impl Iterator<Item = Face> + '_ {
-        let n = self.faces.len();
-        (1..n - 1).map(move |k| self.faces[(i + k) % n])
-    }
-}
-
 impl<'m> Edit<'m> {
     pub(crate) fn new(refined: &'m Refined, n_old: usize, is_whole: &'m PerVert<bool>) -> Self {
         let mesh = &refined.mesh;
@@ -273,63 +256,6 @@ impl<'m> Edit<'m> {
         self.list(kept).extend(&others);
         self.list(gone).clear();
         self.into[gone] = kept;
-        others
-    }
-
-    /// The fan of `gone` from `f`, which has `other` as well, to the next face that has, where more than two faces
-    /// have both.
-    pub(crate) fn fan_from(&self, f: Face, gone: Vert, other: Vert) -> Option<Fan> {
-        let (mut faces, mut ring) = (vec![f], vec![other, self.third(f, gone, other)]);
-        for _ in 0..self.faces_at(gone).len() {
-            let (last, v) = (*faces.last()?, *ring.last()?);
-            let next = self.faces_beside(gone, v)?.into_iter().find(|&g| g != last)?;
-            faces.push(next);
-            if self.has_corner(next, other) {
-                return (faces.len() > 2).then_some(Fan { gone, faces, ring });
-            }
-            ring.push(self.third(next, gone, v));
-        }
-        None
-    }
-
-    /// Whether vertex `i` of the ring of `fan` may take its faces over: nothing joins it to the ring but the edges to
-    /// the vertices beside it, these keep three neighbours, and no face is turned over.
-    pub(crate) fn may_take(&self, fan: &Fan, i: usize) -> bool {
-        let n = fan.ring.len();
-        let kept = fan.ring[i];
-        let beside = [1, n - 1].map(|k| fan.ring[(i + k) % n]);
-        let joins = || (2..n - 1).any(|k| self.are_neighbours(fan.ring[(i + k) % n], kept));
-        let is_face = || {
-            n == 3
-                && self
-                    .faces_at(kept)
-                    .iter()
-                    .any(|g| !fan.faces.contains(g) && beside.iter().all(|&v| self.has_corner(*g, v)))
-        };
-        let moved = |f: Face| self.faces[f].map(|v| if v == fan.gone { kept } else { v });
-        beside[0] != beside[1]
-            && beside.iter().all(|&v| self.has_four_neighbours(v))
-            && !joins()
-            && !is_face()
-            && !fan.left_by(i).any(|f| self.is_turned(moved(f)))
-    }
-
-    /// Gives the faces of `fan` to vertex `i` of its ring, which [`may_take`](Self::may_take) them: the two that have
-    /// it are removed. The indices of the others come back.
-    pub(crate) fn hand_over(&mut self, fan: &Fan, i: usize) -> Vec<Face> {
-        let (gone, kept) = (fan.gone, fan.ring[i]);
-        let others: Vec<Face> = fan.left_by(i).collect();
-        for &f in fan.faces.iter().filter(|f| !others.contains(f)) {
-            for v in self.faces[f] {
-                self.list(v).retain(|&g| g != f);
-            }
-            self.faces[f] = DEAD;
-        }
-        for &f in &others {
-            self.faces[f] = self.faces[f].map(|v| if v == gone { kept } else { v });
-        }
-        self.list(gone).retain(|f| !others.contains(f));
-        self.list(kept).extend(&others);
         others
     }
 

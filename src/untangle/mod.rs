@@ -10,9 +10,9 @@
 //! A face is *bad* when its normal is far from the one that the fit of its representative (an old
 //! vertex with a label) predicts. Every operation must lower the summed energy of the faces that it
 //! touches and keep them on their fits. First short edges are collapsed; then bad faces are mended,
-//! worst first, and edges of four faces loosened; what nothing else cures goes back towards the middle;
-//! then slivers are cleared, and edges that still fold are flipped; vertices that lie so low over a crease
-//! that it may run beyond them are collapsed; last, bad faces that cut others are pulled out of them.
+//! worst first; what nothing else cures goes back towards the middle; then slivers are cleared, and
+//! edges that still fold are flipped; vertices that lie so low over a crease that it may run beyond them are
+//! collapsed; last, bad faces that cut others are pulled out of them.
 //!
 //! Based on: nothing in the papers, whose clean-up only looks at angles below 1 degree.
 //! In/out: edits the refined mesh in place, in the *zone* only: the faces at vertices of split faces.
@@ -21,7 +21,6 @@
 
 mod cross;
 mod fold;
-mod knots;
 mod low;
 mod moves;
 mod respace;
@@ -63,7 +62,7 @@ pub struct UntangleCounts {
     pub bad_before: usize,
     /// Bad faces and slivers that nothing mended.
     pub left: usize,
-    /// Edges collapsed, short ones and those of low faces included, and edges of four faces that have two now.
+    /// Edges collapsed, short ones and those of low faces included.
     pub collapsed: usize,
     /// Edges flipped.
     pub flipped: usize,
@@ -119,8 +118,6 @@ struct Zone<'z, 'c, 'm> {
     n_old: usize,
     /// Whether slivers count as bad.
     slivers_count: bool,
-    /// Whether the fan of a knot may go to any vertex beside it.
-    fans_go_anywhere: bool,
 }
 
 const OUTSIDE: u32 = u32::MAX;
@@ -160,19 +157,8 @@ impl<'z, 'c, 'm> Zone<'z, 'c, 'm> {
         }
         neighbours.iter_mut().for_each(|list: &mut Vec<Vert>| list.sort_unstable());
         let energy = vec![None; faces.len()];
-        Self {
-            context,
-            edit,
-            faces,
-            slot,
-            is_inner,
-            fits,
-            energy,
-            creases: neighbours,
-            n_old,
-            slivers_count: false,
-            fans_go_anywhere: false,
-        }
+        let slivers_count = false;
+        Self { context, edit, faces, slot, is_inner, fits, energy, creases: neighbours, n_old, slivers_count }
     }
 
     fn in_zone(&self, f: Face) -> bool {
@@ -304,8 +290,7 @@ impl<'z, 'c, 'm> Zone<'z, 'c, 'm> {
     }
 
     /// Rounds of operations on bad faces, worst first, until nothing changes: first without moving
-    /// vertices back, then with the fans of knots going anywhere, then with moving back, then with slivers counted as
-    /// bad.
+    /// vertices back, then with it, then with slivers counted as bad.
     fn mend(&mut self, bad: Vec<Face>, counts: &mut UntangleCounts) {
         let mut todo = bad;
         let mut may_move_back = false;
@@ -318,9 +303,7 @@ impl<'z, 'c, 'm> Zone<'z, 'c, 'm> {
             if changed {
                 continue;
             }
-            if !self.fans_go_anywhere {
-                self.fans_go_anywhere = true;
-            } else if !may_move_back {
+            if !may_move_back {
                 may_move_back = true;
             } else if !self.slivers_count {
                 self.slivers_count = true;
