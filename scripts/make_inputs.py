@@ -206,23 +206,31 @@ def net_grid(surface, grid):
     return outward(*largest_component(grid.points(means), faces))
 
 
-def decimate(surface, faces, rng):
-    """Return marching cubes with four times the faces, decimated by quadrics (Garland and Heckbert 1997)."""
-    vertices, triangles = on_grid(march_grid, surface, 4 * faces, random_turn(rng), rng)
+def in_meshlab(vertices, faces):
+    """Return a set with this mesh, for MeshLab's filters."""
     mesh_set = pymeshlab.MeshSet()
-    mesh_set.add_mesh(pymeshlab.Mesh(vertices, triangles.astype(np.int32)))
-    mesh_set.meshing_decimation_quadric_edge_collapse(targetfacenum=faces, preservetopology=True)
+    mesh_set.add_mesh(pymeshlab.Mesh(vertices, faces.astype(np.int32)))
+    return mesh_set
+
+
+def out_of_meshlab(mesh_set):
+    """Return the mesh that the filters made."""
     mesh = mesh_set.current_mesh()
     return mesh.vertex_matrix(), mesh.face_matrix().astype(np.int64)
 
 
+def decimate(surface, faces, rng):
+    """Return marching cubes with four times the faces, decimated by quadrics (Garland and Heckbert 1997)."""
+    mesh_set = in_meshlab(*on_grid(march_grid, surface, 4 * faces, random_turn(rng), rng))
+    mesh_set.meshing_decimation_quadric_edge_collapse(targetfacenum=faces, preservetopology=True)
+    return out_of_meshlab(mesh_set)
+
+
 def smooth(surface, faces, rng):
     """Return marching cubes after two rounds of Laplacian smoothing."""
-    vertices, triangles = on_grid(march_grid, surface, faces, random_turn(rng), rng)
-    mesh_set = pymeshlab.MeshSet()
-    mesh_set.add_mesh(pymeshlab.Mesh(vertices, triangles.astype(np.int32)))
+    mesh_set = in_meshlab(*on_grid(march_grid, surface, faces, random_turn(rng), rng))
     mesh_set.apply_coord_laplacian_smoothing(stepsmoothnum=2)
-    return mesh_set.current_mesh().vertex_matrix(), triangles
+    return out_of_meshlab(mesh_set)
 
 
 def crossings(surface, inside, outside):
@@ -252,13 +260,11 @@ def remesh(surface, faces, rng):
 
 def isotropic(vertices, faces, length):
     """Return a uniform remesh; no dihedral angle is large enough to be a feature."""
-    mesh_set = pymeshlab.MeshSet()
-    mesh_set.add_mesh(pymeshlab.Mesh(vertices, faces.astype(np.int32)))
+    mesh_set = in_meshlab(vertices, faces)
     mesh_set.meshing_isotropic_explicit_remeshing(
         iterations=10, targetlen=pymeshlab.PureValue(length), featuredeg=180.0
     )
-    mesh = mesh_set.current_mesh()
-    return mesh.vertex_matrix(), mesh.face_matrix().astype(np.int64)
+    return out_of_meshlab(mesh_set)
 
 
 def scan(surface, faces, rng):
@@ -272,8 +278,7 @@ def scan(surface, faces, rng):
     # The largest gaps between the points are nearly one radius wide.
     ball = pymeshlab.PureValue(1.2 * radius)
     mesh_set.generate_surface_reconstruction_ball_pivoting(ballradius=ball)
-    mesh = mesh_set.current_mesh()
-    return mesh.vertex_matrix(), mesh.face_matrix().astype(np.int64)
+    return out_of_meshlab(mesh_set)
 
 
 def poisson_disk(surface, radius, throws, rng):

@@ -162,10 +162,7 @@ fn mean_angle_and_steps(mesh: &Mesh, normals: &PerFace<DVec3>, folds_count: bool
         let mut angles = Angles::default();
         for &h in edges.iter() {
             let Some(twin) = mesh.twin(h) else { continue };
-            let (n, m) = (normals[h.face()], normals[twin.face()]);
-            if n == DVec3::ZERO || m == DVec3::ZERO {
-                continue;
-            }
+            let Some([n, m]) = normals_beside(mesh, normals, h) else { continue };
             let chord = n.distance_squared(m);
             [h, twin].iter().for_each(|half| steps[half.index()].store(step_of(chord), Relaxed));
             angles.add(angle_of_chord(chord, || angle_between(n, m)));

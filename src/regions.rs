@@ -297,7 +297,7 @@ fn label_vertices(surface: &Surface) -> (VertexFits, f64) {
 
     // On the surface a label far from its vertex is a wrong label; off it, one to be looked at again.
     let limit = |least: f64| least.max(FAR_IN_NOISE * noise).min(label::EXPLAINED);
-    let explained = label::EXPLAINED.max(surface.depth_of_rounds());
+    let explained = surface.deepened(label::EXPLAINED);
     let unless_off = |on_surface: f64| if is_off { explained } else { on_surface };
     let leftover_rms = if is_off { label::LEFTOVER_RMS_OFF_SURFACE } else { label::LEFTOVER_RMS };
     label::take_back_far_labels(surface, &mut fits, unless_off(limit(FAR)));

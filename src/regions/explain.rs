@@ -96,7 +96,7 @@ pub(super) fn explain_by_regions(surface: &Surface) -> VertexFits {
 /// a gap in a crease.
 pub(super) fn explain_by_exact_sides(surface: &Surface, fits: &mut VertexFits, is_marching_cubes: bool) {
     let is_open = |v: Vert, fit: Option<&Fit>| !surface.interior[v] && fit.is_none();
-    let in_nets = SIDE_DISPLACEMENT_IN_NETS.max(surface.depth_of_rounds());
+    let in_nets = surface.deepened(SIDE_DISPLACEMENT_IN_NETS);
     let max_displacement = if is_marching_cubes { SIDE_DISPLACEMENT } else { in_nets };
     let is_exact_side =
         |fit: &Fit| fit.is_plane() && fit.rms < SIDE_RMS && fit.displacement.abs() < max_displacement;
@@ -155,7 +155,7 @@ impl Explainer {
         let farthest = group.iter().map(distance).fold(0.0, f64::max);
         self.patch.search(surface, surface, near.verts[group[0] as usize], farthest);
         self.exact.clear();
-        let explained = EXPLAINED.max(surface.depth_of_rounds());
+        let explained = surface.deepened(EXPLAINED);
         for &i in group {
             let origin = near.points[i as usize];
             self.patch.clusters_from(surface, origin, &mut self.seen);

@@ -58,7 +58,7 @@ pub(super) fn moves(surface: &Surface, fits: &VertexFits, chamfers: &[Half]) -> 
         (is_end[i as usize], is_in_zone[i as usize]) = (true, true);
         near.neighbours(i).iter().for_each(|&j| is_in_zone[j as usize] = true);
     }
-    let max_move = MAX_MOVE.max(surface.depth_of_rounds());
+    let max_move = surface.deepened(MAX_MOVE);
     let onto_fit = |i: u32| {
         let v = near.verts[i as usize];
         let fit = fits.get(v).filter(|fit| fit.source == FitSource::Region && !surface.deep[v])?;

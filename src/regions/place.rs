@@ -113,13 +113,18 @@ impl Placing<'_> {
 
     /// The lengths of an edge that limits are multiples of.
     fn reach(&self, length: f64) -> f64 {
-        length.clamp(MIN_EDGE * self.labels.mean_edge, LONG_EDGE * self.labels.mean_edge)
+        length.clamp(MIN_EDGE * self.labels.mean_edge, self.long_edge())
     }
 
     /// Whether `fit` can be trusted at `point`, on an edge of this length.
     fn holds_at(&self, fit: &Fit, point: DVec3, length: f64) -> bool {
-        let h = self.labels.mean_edge;
-        length <= LONG_EDGE * h || fit.rms * point.distance(fit.origin) <= MAX_EXTRAPOLATED * h
+        let error = fit.rms * point.distance(fit.origin);
+        length <= self.long_edge() || error <= MAX_EXTRAPOLATED * self.labels.mean_edge
+    }
+
+    /// The length of the longest edge that is not too long.
+    fn long_edge(&self) -> f64 {
+        LONG_EDGE * self.labels.mean_edge
     }
 
     /// The farthest that a new vertex between `fits` may go, in lengths of its edge.
@@ -192,7 +197,7 @@ impl Placing<'_> {
             }
         }
         let fits: Vec<&Fit> = verts.iter().filter_map(|&v| self.labels.fits.get(v)).collect();
-        let limit = self.max_shift(&fits) * longest.min(LONG_EDGE * self.labels.mean_edge);
+        let limit = self.max_shift(&fits) * longest.min(self.long_edge());
         let mut point = centre;
         for _ in 0..NEWTON_STEPS {
             let planes: Vec<Plane> = fits.iter().map(|fit| self.plane(fit, point)).collect();

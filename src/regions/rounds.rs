@@ -125,11 +125,9 @@ pub(super) fn judge_by_radius(
 
 /// What becomes of `strip` if rounds up to the radius `max_round` are creases.
 fn fate_among_rounds(strip: &Strip, samples: &[Inside], max_round: f64) -> Fate {
-    let mut reaches: Vec<f64> = samples.iter().map(|sample| sample.reach).collect();
+    let [half] = quantiles(samples, |sample| sample.reach, [0.5]);
     match strip.fate {
-        Fate::Round | Fate::FarFromFits | Fate::Kept if quantile(&mut reaches, 0.5) <= max_round => {
-            Fate::Kept
-        }
+        Fate::Round | Fate::FarFromFits | Fate::Kept if half <= max_round => Fate::Kept,
         Fate::Kept => Fate::Round,
         fate => fate,
     }
@@ -137,17 +135,15 @@ fn fate_among_rounds(strip: &Strip, samples: &[Inside], max_round: f64) -> Fate 
 
 /// Whether all samples of `strip` are away from its crease.
 fn is_away(strip: &Strip, samples: &[Inside]) -> bool {
-    let mut reaches: Vec<f64> = samples.iter().map(|sample| sample.reach).collect();
     let cosine = samples.iter().map(|sample| sample.cosine).sum::<f64>() / samples.len() as f64;
     let away = if cosine > OBTUSE_COSINE { AWAY_FROM_OBTUSE } else { AWAY };
-    strip.n_edges >= SHORT_AWAY_STRIP && quantile(&mut reaches, 0.1) > away
+    let [tenth] = quantiles(samples, |sample| sample.reach, [0.1]);
+    strip.n_edges >= SHORT_AWAY_STRIP && tenth > away
 }
 
 /// What the radii at the samples of `strip` make of it, if they say anything.
 fn fate_by(strip: &Strip, samples: &[Inside]) -> Option<Fate> {
-    let values = |of: fn(&Inside) -> f64| samples.iter().map(of).collect::<Vec<f64>>();
-    let mut reaches = values(|sample| sample.reach);
-    let [fiftieth, tenth, half] = [0.02, 0.1, 0.5].map(|share| quantile(&mut reaches, share));
+    let [fiftieth, tenth, half] = quantiles(samples, |sample| sample.reach, [0.02, 0.1, 0.5]);
     let is_exact = strip.rms <= STRIP_RMS;
     if is_exact && fiftieth <= SURE_NET_RADIUS && half <= LARGEST_NET_RADIUS {
         return Some(Fate::Kept);
@@ -155,10 +151,10 @@ fn fate_by(strip: &Strip, samples: &[Inside]) -> Option<Fate> {
     if strip.n_edges < LONG_STRIP {
         return None;
     }
-    let (mut radii, mut depths) = (values(|sample| sample.radius), values(|sample| sample.depth));
-    let depths = [0.5, 0.75, 0.9].map(|share| quantile(&mut depths, share));
-    let is_on_round = quantile(&mut radii, 0.5) - quantile(&mut radii, 0.02) < SAME_RADIUS
-        && depths.windows(2).all(|d| d[1] - d[0] > OTHER_DEPTH);
+    let [least_radius, radius] = quantiles(samples, |sample| sample.radius, [0.02, 0.5]);
+    let depths = quantiles(samples, |sample| sample.depth, [0.5, 0.75, 0.9]);
+    let is_on_round =
+        radius - least_radius < SAME_RADIUS && depths.windows(2).all(|d| d[1] - d[0] > OTHER_DEPTH);
     if is_on_round && tenth > SURE_RADIUS {
         return Some(Fate::Round);
     }
@@ -182,10 +178,13 @@ fn has_a_say(strip: &Strip, noise: f64) -> bool {
     is_far_inside && strip.n_edges >= SHORT_NET_STRIP && strip.rms <= max_rms && strip.guessed < ROUND_GUESSED
 }
 
-/// What this share of `values` does not exceed.
-fn quantile(values: &mut [f64], share: f64) -> f64 {
-    let place = (share * values.len() as f64) as usize;
-    *values.select_nth_unstable_by(place, f64::total_cmp).1
+/// What these shares of the values of `samples` do not exceed.
+fn quantiles<const N: usize>(samples: &[Inside], value: fn(&Inside) -> f64, shares: [f64; N]) -> [f64; N] {
+    let mut values: Vec<f64> = samples.iter().map(value).collect();
+    shares.map(|share| {
+        let place = (share * values.len() as f64) as usize;
+        *values.select_nth_unstable_by(place, f64::total_cmp).1
+    })
 }
 
 /// A sample beside a strip, in h.

@@ -69,9 +69,9 @@ impl<'a> Surface<'a> {
         self.max_round > 0.0
     }
 
-    /// How far the samples of the largest of these rounds are off the fits of its sides, in h.
-    pub fn depth_of_rounds(&self) -> f64 {
-        DEPTH_OF_ROUND * self.max_round
+    /// How far samples may be off the fit of their side, in h: `limit`, or as far as those of the largest of these rounds.
+    pub fn deepened(&self, limit: f64) -> f64 {
+        limit.max(DEPTH_OF_ROUND * self.max_round)
     }
 
     /// The vertices that share an edge with `v`, which is doubtful, each once.
