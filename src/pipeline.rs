@@ -5,7 +5,7 @@
 
 use rayon::prelude::*;
 
-use crate::classify::{ClassifyOptions, Labels, SmoothThreshold, classify, classify_interior, red_edges};
+use crate::classify::{Labels, SmoothThreshold, classify, classify_interior, red_edges};
 use crate::collapse::{CollapseCounts, collapse_degenerate_faces};
 use crate::edit::Edit;
 use crate::excerpt::{Excerpt, Now, RINGS, Rejoined, UNTANGLING_RINGS};
@@ -117,14 +117,15 @@ fn unfit(mesh: &Mesh, labels: &Labels, options: &Options) -> Option<String> {
 fn find(mesh: &Mesh, options: &Options, seconds: &mut Seconds) -> Chamfers {
     let normals = seconds.time("normals", || mesh.face_normals());
     let colour = if options.method == Method::Regions { classify_interior } else { classify };
-    let mut labels = seconds.time("classify", || colour(mesh, &normals, &options.classify_options()));
+    let mut rules = options.classify_options();
+    let mut labels = seconds.time("classify", || colour(mesh, &normals, &rules));
     if is_questioned(options) && labels.threshold > MAX_THRESHOLD {
-        let without_folds = ClassifyOptions { folds_count: false, ..options.classify_options() };
-        labels = seconds.time("classify", || colour(mesh, &normals, &without_folds));
+        rules.folds_count = false;
+        labels = seconds.time("classify", || colour(mesh, &normals, &rules));
     }
     let unfit = unfit(mesh, &labels, options);
     if unfit.is_some() {
-        labels = classify(mesh, &normals, &options.classify_options());
+        labels = classify(mesh, &normals, &rules);
         labels.chamfer_edge = PerHalf::filled(mesh.n_halves(), false);
         labels.corner_faces.clear();
         let placement = Placement { inserts: Inserts::none(), outcomes: Vec::new() };
