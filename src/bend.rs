@@ -8,7 +8,8 @@
 //! ```
 //!
 //! Based on: Sharpen&Bend section 4.2; the stencils are in [`stencil`](crate::stencil).
-//! Differs: the papers' plain scheme folds meshes that are full of slivers. Here a new vertex goes only as
+//! Differs: the papers' plain scheme misses circles and folds meshes that are full of slivers. Here a new vertex goes on
+//! to the circle where its surroundings are round (see [`stencil`](crate::stencil)), but only as
 //! far as its neighbourhood vouches for, retreats towards the middle where faces would turn over (see
 //! `limit.rs`), and makes up for faces that are turned over already (see `mend.rs`). Paper silent.
 //! In/out: `Mesh` + `Tags` -> `Bent`: old vertices first, in their order and where they were, then one
@@ -217,6 +218,7 @@ struct Shift {
 
 /// Holds what the stencil proposes against what the ends of the edge expect.
 ///
+/// * Where the surroundings are round the way is as much longer as on a circle (`Site::roundness`).
 /// * Where both ends expect nothing, or less than the step of the coordinates, the surface is flat and the
 ///   curve straight, and the vertex stays in the middle: in a plane, what the stencils move about within it
 ///   leaves faces that cut each other by the last bit of their coordinates (189 on cube remesh_8k, 128 on
@@ -248,7 +250,7 @@ fn vouched_shift(stencils: &Stencils<'_>, mesh: &Mesh, h: Half, precision: f64) 
     if steepest <= precision.min(MOST_ROUNDED * length).max(ROUNDING * length) {
         return Shift { rule, vector: DVec3::ZERO, is_doubted: false, is_shortened: false };
     }
-    let mut wanted = stencils.point(&site) - from.midpoint(to);
+    let mut wanted = (stencils.point(&site) - from.midpoint(to)) * site.roundness();
     if !rule.is_on_curve() {
         let bolder = if a.length_squared() < b.length_squared() { b } else { a };
         let up = bolder.normalize_or_zero();

@@ -15,11 +15,12 @@
 //! Based on: Zorin, Schröder and Sweldens 1996 with Zorin's later corrections; Sharpen&Bend section 4.2.
 //! Differs: no mesh is cut and healed; a sector is a walk round a vertex. Paper silent: where several
 //! fans touch in a vertex each counts for itself; edges with three or more faces form curves of their
-//! own; an interior end of two triangles wants the middle.
+//! own; an interior end of two triangles wants the middle. What is round goes farther than the weights say (`round.rs`).
 //! In/out: `Mesh` + `Tags` -> `Stencils`, which gives a [`Proposal`] per edge.
 //! Cost: O(F) for all edges: ends of very many triangles are summed once, not once an edge.
 
 mod curve;
+mod round;
 mod sector;
 #[cfg(test)]
 mod tests;
@@ -33,6 +34,7 @@ use crate::mesh::{Half, Mesh, PerHalf, PerVert, Vert};
 use crate::refine::Knots;
 use crate::tags::Tags;
 
+use round::{expected_by_normals, is_smooth_turn, roundness, turn_of_bulge};
 use sector::{End, Harmonics, Known, Sector, WIDE};
 
 /// How a new vertex was placed.
@@ -105,10 +107,19 @@ pub struct Site {
     pub rule: Rule,
     /// As in [`Proposal`].
     pub expected: [DVec3; 2],
+    /// Cosine of the angle by which the surface or the curve turns from one end to the other, if it is round.
+    turn: f64,
     ends: Ends,
 }
 
 impl Site {
+    /// How many times as far from the middle of the edge as the stencil puts it the new vertex is on a cylinder or circle
+    /// with these ends.
+    #[must_use]
+    pub fn roundness(&self) -> f64 {
+        roundness(self.turn)
+    }
+
     /// Whether the edge lies in a surface and an end of it on a curve.
     #[must_use]
     pub fn is_beside_curve(&self) -> bool {
@@ -230,14 +241,17 @@ impl<'m> Stencils<'m> {
             true => [before, after].map(|w| across(w) / -8.0),
             false => [DVec3::ZERO; 2],
         };
-        Site { h, rule, expected, ends: Ends::OnCurve([before, after]) }
+        let turn = turn_of_bulge(0.5 * (expected[0] + expected[1]).length() / (q - p).length());
+        Site { h, rule, expected, turn, ends: Ends::OnCurve([before, after]) }
     }
 
     /// The surface rules, for an edge that is no cut.
     fn look_in_surface(&self, h: Half, twin: Half) -> Site {
         let (p, q) = (self.sector(h), self.sector(twin));
-        let expected = expected_by_normals(self.to(h) - self.from(h), self.normal(p), self.normal(q));
-        Site { h, rule: surface_rule(p.end, q.end), expected, ends: Ends::InSurface(twin, [p, q]) }
+        let (n, m) = (self.normal(p), self.normal(q));
+        let expected = expected_by_normals(self.to(h) - self.from(h), n, m);
+        let (rule, ends) = (surface_rule(p.end, q.end), Ends::InSurface(twin, [p, q]));
+        Site { h, rule, expected, turn: n.dot(m), ends }
     }
 
     /// The rules for two regular ends, each given with the half-edge that leaves it.
@@ -374,30 +388,6 @@ fn surface_rule(p: End, q: End) -> Rule {
             _ => Rule::R3,
         },
     }
-}
-
-/// A curve that turns by more than this at a vertex has a corner there: 60 degrees, a hexagon's turn. The
-/// hole of five edges that a scan leaves in a plane is no circle, and bent into one it only grows
-/// (fandisk scan_20k: Emax 0.748 % of the diagonal, with this rule 0.673 %, which it has without bending).
-const MAX_TURN_COS: f64 = 0.5;
-
-/// Whether a curve that arrives in a vertex along `before` and leaves it along `after` goes on smoothly.
-fn is_smooth_turn(before: DVec3, after: DVec3) -> bool {
-    before.dot(after) >= MAX_TURN_COS * before.length() * after.length()
-}
-
-/// How far from the middle of `edge` a surface is expected that has these unit normals at the two ends.
-///
-/// ```text
-///      n \   x   / m      From p the parabola that leaves p at a right angle to n and arrives in q, from q
-///         \  .  /         the one that leaves q at a right angle to m: a quarter of their slopes against
-///          p - q          the edge. The two agree on a sphere; on noise they do not.
-/// ```
-fn expected_by_normals(edge: DVec3, n: DVec3, m: DVec3) -> [DVec3; 2] {
-    let up = (n + m).normalize_or_zero();
-    // A normal that lies flat would promise the moon; its slope ends at that of 78 degrees.
-    let slope = |normal: DVec3| normal.dot(edge) / normal.dot(up).max(0.2);
-    [-0.25 * slope(n) * up, 0.25 * slope(m) * up]
 }
 
 /// E2: the weights of the `k` neighbours of an interior end, from the one that the edge goes to.

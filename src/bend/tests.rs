@@ -115,14 +115,13 @@ fn drum_and_lid(n: usize) -> [Mesh; 2] {
     [mesh(&points, &[lid.clone(), rest].concat()), mesh(&points, &lid)]
 }
 
-/// By how much at least the distance falls at each of three levels. Each level takes a quarter off the
-/// chords' heights, but what the first one misses the circle by stays: the limit curve of the four-point
-/// scheme through 16 points of a circle is 0.0006 off, and that is all there is to see at the third level.
-const FALLS: [(usize, [f64; 3]); 2] = [(16, [3.0, 3.0, 2.0]), (32, [3.0, 3.0, 3.0])];
+/// By how much at least the distance to a circle falls at each level: what is left of the height of a chord is a quarter.
+/// The papers' scheme misses a circle of 16 points by .0006 at the first level, and at the third there is nothing else.
+const FALL: f64 = 3.9;
 
 #[test]
 fn a_sharp_polyline_round_a_circle_comes_closer_at_each_level() {
-    for (n, falls) in FALLS {
+    for n in [16, 32] {
         for m in drum_and_lid(n) {
             let curve = |m: &Mesh, tags: &Tags| {
                 let borders = m.edges().filter(|&h| m.is_border(h)).map(|h| [m.from(h), m.to(h)]);
@@ -130,14 +129,14 @@ fn a_sharp_polyline_round_a_circle_comes_closer_at_each_level() {
             };
             let mut tags = tags_by_dihedral(&m, 1.0);
             let mut m = m;
-            for fall in falls {
+            for _ in 0..3 {
                 let before = farthest_from_unit_radius(&curve(&m, &tags));
                 (m, tags) = {
                     let bent = bent(&m, &tags, &LIMITED);
                     (bent.mesh, bent.tags)
                 };
                 let error = farthest_from_unit_radius(&curve(&m, &tags));
-                assert!(error * fall < before, "{n} edges: {error}, before {before}");
+                assert!(error * FALL < before, "{n} edges: {error}, before {before}");
             }
         }
     }
@@ -145,19 +144,36 @@ fn a_sharp_polyline_round_a_circle_comes_closer_at_each_level() {
 
 #[test]
 fn an_open_cylinder_comes_closer_at_each_level() {
-    for (n, falls) in FALLS {
+    for n in [16, 32] {
         let surface = |m: &Mesh| {
             let mut points = along_edges(m, m.edges().map(|h| [m.from(h), m.to(h)]));
             points.extend(m.face_ids().map(|f| m.triangle(f).into_iter().sum::<DVec3>() / 3.0));
             points
         };
         let mut m = cylinder(n, 6);
-        for fall in falls {
+        for _ in 0..3 {
             let before = farthest_from_unit_radius(&surface(&m));
             m = bent(&m, &Tags::default(), &LIMITED).mesh;
             let error = farthest_from_unit_radius(&surface(&m));
-            assert!(error * fall < before, "{n} edges: {error}, before {before}");
+            assert!(error * FALL < before, "{n} edges: {error}, before {before}");
         }
+    }
+}
+
+#[test]
+fn new_vertices_of_circles_and_cylinders_are_on_them() {
+    let farthest = |m: &Mesh, tags: &Tags, counts: &dyn Fn(Half) -> bool| {
+        let fine = bent(m, tags, &LIMITED).mesh;
+        let new = m.edges().zip(&fine.points()[m.n_verts()..]).filter(|&(h, _)| counts(h));
+        farthest_from_unit_radius(&new.map(|(_, &point)| point).collect::<Vec<_>>())
+    };
+    for n in [7, 8, 16] {
+        for m in drum_and_lid(n) {
+            let tags = tags_by_dihedral(&m, 1.0);
+            let is_sharp = tags.sharp_halves(&m);
+            assert!(farthest(&m, &tags, &|h| is_sharp[h] || m.is_border(h)) < 1e-12);
+        }
+        assert!(farthest(&cylinder(n, 6), &Tags::default(), &|_| true) < 1e-9);
     }
 }
 
@@ -182,8 +198,8 @@ fn a_hole_of_eight_edges_gets_rounder_and_one_of_five_has_corners() {
         m.edges().zip(&fine.points()[m.n_verts()..]).map(shift).fold(0.0, f64::max)
     };
     assert_eq!(largest_shift(5), 0.0);
-    // The four-point rule puts an eighth of what the curve turns aside: sin 45 degrees times an edge.
-    assert_relative_eq!(largest_shift(8), 0.125 * (PI / 4.0).sin(), epsilon = 1e-12);
+    // By the height of the arc over the edge.
+    assert_relative_eq!(largest_shift(8), 0.5 * (PI / 16.0).tan(), epsilon = 1e-12);
 }
 
 #[test]
@@ -271,15 +287,16 @@ fn an_icosahedron_is_bent_by_the_weights_of_valence_five() {
         let from_sphere = |point: DVec3| (point.length() - at(0).length()).abs();
         assert!(from_sphere(expected) < 0.5 * from_sphere(at(p).midpoint(at(q))));
     }
-    // With its new vertices on the sphere it is smooth enough for the limiter to have no say.
+    // With its new vertices on the sphere it is smooth enough for the limiter to have no say, and round: new vertices go
+    // farther than the weights put them.
     let (mut points, faces) = fine.into_parts();
     points.iter_mut().for_each(|p| *p = p.normalize());
     let sphere = Mesh::new(points, faces).unwrap();
     let (limited, plain) = [LIMITED, PLAIN].map(|options| bent(&sphere, &Tags::default(), &options)).into();
     assert_eq!(limited.counts, plain.counts);
-    for (p, q) in limited.mesh.points().iter().zip(plain.mesh.points()) {
-        assert_relative_eq!(p.distance(*q), 0.0, epsilon = 1e-12);
-    }
+    let farthest = |bent: &Bent| bent.mesh.points().iter().map(|p| 1.0 - p.length()).fold(0.0, f64::max);
+    let (limited, plain) = (farthest(&limited), farthest(&plain));
+    assert!(limited < 0.6 * plain, "{limited} {plain}");
 }
 
 /// Points on a cylinder, half of them moved to within a thirtieth of the opposite edge: slivers, as
@@ -367,16 +384,27 @@ fn noise_is_doubted_and_a_sphere_is_not() {
     assert_eq!((counts.shortened, counts.retreated), (0, 0));
 }
 
-/// Where the stencil would have the new vertex of the edge at (`i`, 3) of `m`, a grid of eight rows, towards the next
-/// column, what its ends expect, and how far it goes; the first two from the middle, all in edges.
-fn vouched(m: &Mesh, tags: &Tags, i: usize) -> (DVec3, [DVec3; 2], Shift) {
+/// A new vertex on its way from the middle of its edge, all in edges.
+struct Vouched {
+    /// Where the stencil would have it ...
+    stencil: DVec3,
+    /// ... and as far as the surface is round.
+    wanted: DVec3,
+    expected: [DVec3; 2],
+    shift: Shift,
+}
+
+/// That of the edge at (`i`, 3) of `m`, a grid of eight rows, towards the next column.
+fn vouched(m: &Mesh, tags: &Tags, i: usize) -> Vouched {
     let stencils = Stencils::new(m, tags);
     let h = m.edge(m.half_between(Vert::new(8 * i + 3), Vert::new(8 * i + 11)).unwrap());
     let (middle, length) = (m.point(m.from(h)).midpoint(m.point(m.to(h))), m.length(h));
-    let placed = stencils.place(h);
+    let site = stencils.look(h);
     let mut shift = vouched_shift(&stencils, m, h, 0.0);
     shift.vector /= length;
-    ((placed.point - middle) / length, placed.expected.map(|way| way / length), shift)
+    let stencil = (stencils.point(&site) - middle) / length;
+    let expected = site.expected.map(|way| way / length);
+    Vouched { stencil, wanted: site.roundness() * stencil, expected, shift }
 }
 
 /// A grid of eight by eight whose columns are at these heights.
@@ -389,21 +417,22 @@ fn what_both_ends_expect_is_believed_in_full_up_to_a_turn_of_100_degrees() {
     let none = Tags::default();
     // Parabolas with their tops on the middle of the edge: both ends expect the same.
     let parabola = |a: f64| profile(std::array::from_fn(|i| -a * (i as f64 - 3.5).powi(2)));
-    let (wanted, [a, b], shift) = vouched(&parabola(0.3), &none, 3);
+    let Vouched { stencil, wanted, expected: [a, b], shift } = vouched(&parabola(0.3), &none, 3);
     assert!(a.distance(b) < 1e-12 && a.length() < MAX_EXPECTED);
     assert!((shift.vector - wanted).length() < 1e-9 && !shift.is_doubted && !shift.is_shortened);
-    assert_relative_eq!(wanted.z, 0.25 * 0.3, epsilon = 1e-12);
+    assert_relative_eq!(stencil.z, 0.25 * 0.3, epsilon = 1e-12);
+    assert!(wanted.z > 1.04 * stencil.z, "a circle with these normals is higher than the parabola");
     // Of a steeper one so much less that the steepest stay in the middle.
     let steps = [(-0.15, -2.1), (-0.1, -1.4), (-0.05, -0.7), (0., 0.)];
     let columns: Vec<_> =
         steps.into_iter().chain(steps.into_iter().rev().map(|(x, z)| (1.0 - x, z))).collect();
     let steep = grid(8, 8, false, |i, j| dvec3(columns[i as usize].0, j, columns[i as usize].1));
-    let (wanted, [a, b], shift) = vouched(&steep, &none, 3);
+    let Vouched { wanted, expected: [a, b], shift, .. } = vouched(&steep, &none, 3);
     assert!(a.distance(b) < 1e-12 && a.length() > 1.05 * MAX_EXPECTED);
     let trust = (MAX_EXPECTED / a.length()).powi(2);
     assert!((shift.vector - trust * wanted).length() < 1e-9 && !shift.is_shortened);
     assert_eq!(shift.is_doubted, trust < 0.5);
-    let (wanted, _, shift) = vouched(&parabola(0.7), &none, 3);
+    let Vouched { wanted, shift, .. } = vouched(&parabola(0.7), &none, 3);
     assert!(wanted.z > MAX_SHIFT && shift.is_shortened);
     assert_relative_eq!(shift.vector.z, MAX_SHIFT, epsilon = 1e-12);
 }
@@ -412,14 +441,14 @@ fn what_both_ends_expect_is_believed_in_full_up_to_a_turn_of_100_degrees() {
 fn where_one_end_expects_nothing_trust_is_a_half_and_beside_a_curve_a_quarter() {
     // A plane that begins to bend: the edge from column 2 to 3 has its far end on the bend.
     let m = profile([0.0, 0.0, 0.0, 0.0, 0.05, 0.2, 0.4, 0.6]);
-    let (wanted, [a, b], shift) = vouched(&m, &Tags::default(), 2);
+    let Vouched { stencil, wanted, expected: [a, b], shift } = vouched(&m, &Tags::default(), 2);
     assert!(a.length().min(b.length()) < 1e-12 && a.length().max(b.length()) > 1e-3);
     // It wants to go down by a sixteenth of what the next column rises, and may.
-    assert_relative_eq!(wanted.z, -0.05 / 16.0, epsilon = 1e-12);
+    assert_relative_eq!(stencil.z, -0.05 / 16.0, epsilon = 1e-12);
     assert!((shift.vector - 0.5 * wanted).length() < 1e-6, "{} {wanted}", shift.vector);
     // Cut along column 2, the same edge has an end on a curve.
     let along = (0..7).map(|j| [16 + j, 17 + j].map(Vert::new));
-    let (wanted, [a, b], shift) = vouched(&m, &Tags::new(along, []), 2);
+    let Vouched { wanted, expected: [a, b], shift, .. } = vouched(&m, &Tags::new(along, []), 2);
     assert!(a.length().min(b.length()) < 1e-12 && wanted.length() > 1e-3);
     assert!((shift.vector - 0.25 * wanted).length() < 1e-6, "{} {wanted}", shift.vector);
 }
@@ -430,8 +459,8 @@ fn a_new_vertex_goes_no_farther_than_twice_what_the_bolder_end_expects() {
     // normals know better.
     let columns = [(-30., 1.), (-20., 1.), (-10., 1.), (0., 0.), (1., 0.), (11., 1.), (21., 1.), (31., 1.)];
     let m = grid(8, 8, false, |i, j| dvec3(columns[i as usize].0, j, columns[i as usize].1));
-    let (wanted, [a, b], shift) = vouched(&m, &Tags::default(), 3);
-    assert_relative_eq!(wanted.z, -0.125, epsilon = 1e-12);
+    let Vouched { stencil, wanted, expected: [a, b], shift } = vouched(&m, &Tags::default(), 3);
+    assert_relative_eq!(stencil.z, -0.125, epsilon = 1e-12);
     assert!(a.distance(b) < 1e-12 && a.z < 0.0 && wanted.z < 5.0 * a.z, "{a} {b}");
     assert_relative_eq!(shift.vector.z, 2.0 * a.z, epsilon = 1e-5);
 }
