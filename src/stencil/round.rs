@@ -45,7 +45,7 @@ pub(super) fn expected_by_normals(edge: DVec3, n: DVec3, m: DVec3) -> [DVec3; 2]
 
 /// How many times as far from the middle of its edge as a stencil puts it a new vertex is on a cylinder or circle that
 /// turns by an angle with this cosine from one end of the edge to the other. What turns by more than [`MAX_TURN_COS`] is
-/// not round: the tip of a cone would be .165 % of the diagonal off instead of .133.
+/// a corner.
 pub(super) fn roundness(cosine: f64) -> f64 {
     if cosine < MAX_TURN_COS - ROUNDING {
         return 1.0;
