@@ -59,7 +59,7 @@ impl LeftAlone {
         }
     }
 
-    /// Notes that so many pinched edges were loosened: their four half-edges without a twin are two with one.
+    /// Notes that so many edges of four faces have two now: two half-edges each are gone, and two have a twin.
     pub(crate) fn take_loosened(&mut self, n: usize) {
         self.defects.non_manifold_edges -= n;
         self.border_edges -= 4 * n;

@@ -1,15 +1,17 @@
-//! Fans at pinched edges: of the two sheets that hang together there, one may let go.
+//! Fans at pinched edges: four faces meet there, two of them running either way, as where two sheets hang together.
+//! One of the sheets may let go.
 //!
 //! ```text
-//!    r2---r3---r4        Four faces have both b and a: a-r1-b and r5-a-b of the fan of b along r1 .. r5, and two of
+//!    r2---r3---r4        Four faces have both a and b: b-a-r5 and b-r1-a of the fan of b from a round to a, and two of
 //!     | `. | .´ |        another sheet, which is not drawn. Once a has taken the fan over, it is a-r1-r2, a-r2-r3,
-//!     |   `b´   |        a-r3-r4 and a-r4-r5, and b-a has only the two of the other sheet.
+//!     |   `b´   |        a-r3-r4 and a-r4-r5, and a-b has the two of the other sheet alone.
 //!     | .´ | `. |
 //!    r1----a----r5
 //! ```
 //!
-//! Both are a disk within a, r1 .. r5: two faces and two edges less, every vertex as before. The sides of the disk keep
-//! their faces; those of b inside had two each, and so have the new ones, which nothing joined before.
+//! The fan was a disk with b inside and is one without, with the same edges round it: these keep their faces. Two faces
+//! are gone, and two edges more than have come; b-r1 .. b-r5 had two faces each, and so have a-r2 .. a-r4, which did not
+//! exist. The two others at a-b keep b in use.
 //!
 //! In/out: a face, a vertex and a pinched edge -> the fan; a vertex of its ring -> the faces that it gets.
 //! Cost: O(valence) to find a fan and to ask whether a vertex may take it.
@@ -28,13 +30,13 @@ pub(crate) struct Fan {
 
 impl Fan {
     /// The faces without vertex `i` of the ring.
-    pub(crate) fn left_by(&self, i: usize) -> impl Iterator<Item = Face> + '_ {
+    pub(crate) fn without(&self, i: usize) -> impl Iterator<Item = Face> + '_ {
         let n = self.faces.len();
         (1..n - 1).map(move |k| self.faces[(i + k) % n])
     }
 
     /// The two faces with vertex `i` of the ring.
-    fn taken_by(&self, i: usize) -> [Face; 2] {
+    fn with(&self, i: usize) -> [Face; 2] {
         let n = self.faces.len();
         [self.faces[(i + n - 1) % n], self.faces[i]]
     }
@@ -59,8 +61,8 @@ impl Edit<'_> {
         (n, n_forth, n_back) == (4, 2, 2)
     }
 
-    /// The fan of `gone` from `f` at a pinched edge `gone`-`other` round to that edge, if all edges of it inside have
-    /// two faces that agree on the direction, and if more than an edge is left without the faces at one vertex.
+    /// The fan of `gone` from `f` at a pinched edge `gone`-`other` round to that edge, if its edges inside have
+    /// two faces each that agree on the direction, and if it has faces to hand over.
     pub(crate) fn fan_from(&self, f: Face, gone: Vert, other: Vert) -> Option<Fan> {
         if !self.is_pinched(gone, other) {
             return None;
@@ -81,8 +83,8 @@ impl Edit<'_> {
         }
     }
 
-    /// Whether vertex `i` of the ring of `fan` may take its faces over: no edge and no face that would come is there,
-    /// and no face is turned over.
+    /// Whether vertex `i` of the ring of `fan` may take its faces over: none of the edges and faces that would come is
+    /// there already, and no face is turned over.
     pub(crate) fn may_take(&self, fan: &Fan, i: usize) -> bool {
         let kept = fan.ring[i];
         let has_ring = |&f: &Face| fan.ring.iter().all(|&v| self.has_corner(f, v));
@@ -90,15 +92,15 @@ impl Edit<'_> {
         let moved = |f: Face| self.faces[f].map(|v| if v == fan.gone { kept } else { v });
         !fan.across(i).any(|v| self.are_neighbours(v, kept))
             && !is_one_face()
-            && !fan.left_by(i).any(|f| self.is_turned(moved(f)))
+            && !fan.without(i).any(|f| self.is_turned(moved(f)))
     }
 
     /// Gives the faces of `fan` to vertex `i` of its ring, which [`may_take`](Self::may_take) them: the two that have
     /// it are removed. The indices of the others come back.
     pub(crate) fn hand_over(&mut self, fan: &Fan, i: usize) -> Vec<Face> {
         let (gone, kept) = (fan.gone, fan.ring[i]);
-        fan.taken_by(i).into_iter().for_each(|f| self.remove(f));
-        let others: Vec<Face> = fan.left_by(i).collect();
+        fan.with(i).into_iter().for_each(|f| self.remove(f));
+        let others: Vec<Face> = fan.without(i).collect();
         for &f in &others {
             self.faces[f] = self.faces[f].map(|v| if v == gone { kept } else { v });
         }
@@ -121,12 +123,13 @@ mod tests {
     type Faces = Vec<[usize; 3]>;
 
     /// Two sheets that share edge 0-1. That of vertices 2 and 3 is above; the fan of 1 below runs along 4-5-6-7.
-    const KNOT: [[usize; 3]; 9] =
+    const PINCHED: [[usize; 3]; 9] =
         [[0, 1, 2], [0, 3, 1], [0, 2, 4], [0, 7, 3], [0, 4, 1], [1, 4, 5], [1, 5, 6], [1, 6, 7], [0, 1, 7]];
 
-    /// That, with its border closed but for a hole at 0.
-    fn wide() -> Faces {
-        [&KNOT[..], &[[2, 8, 4], [8, 5, 4], [8, 6, 5], [8, 7, 6], [8, 3, 7], [1, 8, 2], [1, 3, 8]]].concat()
+    /// That as a part of a closed surface.
+    fn closed() -> Faces {
+        [&PINCHED[..], &[[2, 8, 4], [8, 5, 4], [8, 6, 5], [8, 7, 6], [8, 3, 7], [1, 8, 2], [1, 3, 8]]]
+            .concat()
     }
 
     /// The fan of `gone` that starts with face `first` at `gone`-`other`, and the faces once it belongs to vertex `i` of
@@ -164,17 +167,17 @@ mod tests {
 
     #[test]
     fn a_pinched_edge_is_loosened_by_handing_a_fan_over() {
-        let after = [&KNOT[..4], &[[0, 4, 5], [0, 5, 6], [0, 6, 7]]].concat();
-        assert_eq!(handed_over(&KNOT, 4), Some((vec![4, 5, 6, 7, 8], after.clone())));
-        assert_eq!(handed_over(&KNOT, 8), Some((vec![8, 7, 6, 5, 4], after)));
+        let after = [&PINCHED[..4], &[[0, 4, 5], [0, 5, 6], [0, 6, 7]]].concat();
+        assert_eq!(handed_over(&PINCHED, 4), Some((vec![4, 5, 6, 7, 8], after.clone())));
+        assert_eq!(handed_over(&PINCHED, 8), Some((vec![8, 7, 6, 5, 4], after)));
     }
 
     #[test]
     fn a_fan_may_go_to_another_vertex_of_its_ring() {
-        let after = |i| handed(&wide(), [4, 1, 0], i).map(|(_, faces)| faces[4..7].to_vec());
+        let after = |i| handed(&closed(), [4, 1, 0], i).map(|(_, faces)| faces[4..7].to_vec());
         assert_eq!(after(2), Some(vec![[0, 4, 5], [5, 6, 7], [0, 5, 7]]));
         assert_eq!(after(4), Some(vec![[0, 4, 7], [7, 4, 5], [7, 5, 6]]));
-        let joined = [&wide()[..], &[[5, 7, 8]]].concat();
+        let joined = [&closed()[..], &[[5, 7, 8]]].concat();
         let is_allowed = |i| handed(&joined, [4, 1, 0], i).is_some();
         assert_eq!([2, 3, 4].map(is_allowed), [false, true, false], "5 and 7 are joined");
     }
@@ -183,21 +186,27 @@ mod tests {
     fn no_fan_is_handed_over_where_the_surface_would_be_another() {
         let refuses =
             |faces: &[[usize; 3]], more: &[[usize; 3]]| handed_over(&[faces, more].concat(), 4).is_none();
-        assert!(!refuses(&KNOT, &[[8, 2, 3]]), "another face does not matter");
-        assert!(refuses(&KNOT, &[[0, 5, 8]]), "0 and 5 are joined already");
-        let without = |gone: [usize; 3]| KNOT.into_iter().filter(|&f| f != gone).collect::<Vec<_>>();
+        assert!(!refuses(&PINCHED, &[[8, 2, 3]]), "another face does not matter");
+        assert!(refuses(&PINCHED, &[[0, 5, 8]]), "0 and 5 are joined already");
+        let without = |gone: [usize; 3]| PINCHED.into_iter().filter(|&f| f != gone).collect::<Vec<_>>();
         assert!(refuses(&without([1, 5, 6]), &[]), "the fan does not close");
-        assert!(refuses(&KNOT, &[[1, 5, 8]]), "nor is it a fan where an edge inside has three faces");
+        assert!(refuses(&PINCHED, &[[1, 5, 8]]), "nor is it a fan where an edge inside has three faces");
         assert!(refuses(&without([0, 3, 1]), &[]), "edge 0-1 has three faces");
         assert!(refuses(&without([0, 3, 1]), &[[0, 1, 3]]), "one of them runs the same way as two others");
-        assert!(refuses(&KNOT, &[[0, 1, 8]]) && refuses(&KNOT, &[[0, 1, 8], [1, 0, 8]]), "five, and six");
+        assert!(
+            refuses(&PINCHED, &[[0, 1, 8]]) && refuses(&PINCHED, &[[0, 1, 8], [1, 0, 8]]),
+            "five, and six"
+        );
         assert!(refuses(&without([0, 3, 1]), &[[0, 1, 1]]), "one names a vertex twice");
         assert!(refuses(&without([1, 5, 6]), &[[1, 5, 5]]), "so does one inside");
         // The fan has one face between the two that go.
-        let short = [KNOT[0], KNOT[1], KNOT[2], [0, 5, 3], KNOT[4], KNOT[5], [0, 1, 5]];
+        let short = [PINCHED[0], PINCHED[1], PINCHED[2], [0, 5, 3], PINCHED[4], PINCHED[5], [0, 1, 5]];
         assert!(!refuses(&short, &[]));
         assert!(refuses(&short, &[[0, 5, 4]]), "that face would have a twin");
-        assert!(refuses(&[KNOT[0], KNOT[1], KNOT[2], KNOT[3], KNOT[4], [0, 1, 4]], &[]), "it has none");
+        assert!(
+            refuses(&[PINCHED[0], PINCHED[1], PINCHED[2], PINCHED[3], PINCHED[4], [0, 1, 4]], &[]),
+            "it has none"
+        );
     }
 
     /// The edges with the ways in which faces run along them, without faces that name a vertex twice.
@@ -212,7 +221,7 @@ mod tests {
         edges
     }
 
-    /// What there may be of each set of corners, and of vertices in use.
+    /// How many faces each set of corners has, and the vertices in use.
     fn inventory(faces: &[[usize; 3]]) -> (BTreeMap<[usize; 3], usize>, BTreeSet<usize>) {
         let mut counts = BTreeMap::new();
         for f in faces {
@@ -246,9 +255,9 @@ mod tests {
     #[test]
     fn nothing_but_the_pinched_edge_changes_whatever_is_merged_or_added() {
         let faces = || (0..9).flat_map(|a| (a + 1..9).flat_map(move |b| (a + 1..9).map(move |c| [a, b, c])));
-        let added = faces().map(|more| [&wide()[..], &[more]].concat());
+        let added = faces().map(|more| [&closed()[..], &[more]].concat());
         let merge =
-            |u: usize, w: usize| wide().into_iter().map(move |f| f.map(|t| if t == u { w } else { t }));
+            |u: usize, w: usize| closed().into_iter().map(move |f| f.map(|t| if t == u { w } else { t }));
         let merged = (0..9).flat_map(|u| (0..9).map(move |w| merge(u, w).collect()));
         let starts = [[4, 1, 0], [8, 1, 0], [0, 0, 1], [4, 0, 1]];
         let mut n_handed = 0;

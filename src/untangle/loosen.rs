@@ -1,4 +1,4 @@
-//! Loosens pinched edges: those of four faces, where two sheets hang together.
+//! Loosens pinched edges: those of four faces, where two sheets hang together (`edit/fan.rs`).
 //!
 //! ```text
 //!     u---b---w         The faces at a           x-a-u, u-a-b, b-a-w and w-a-y of the sheet above,
@@ -25,7 +25,7 @@ use crate::mesh::{Face, Mesh, Vert};
 /// Where the fan of a pinched edge may go.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Loosening {
-    /// There is none.
+    /// There is no edge of more than two faces.
     Never,
     ToOtherEnd,
     /// To any vertex of its ring.
@@ -42,7 +42,7 @@ impl Zone<'_, '_, '_> {
     /// What it gains to give the fan of `gone` that starts with `f` at a pinched edge `gone`-`other` to `other`, or
     /// later on to the vertex of its ring that gains most; the fan, and the place of that vertex.
     pub(super) fn try_loosen(&mut self, f: Face, gone: Vert, other: Vert) -> Option<(f64, Fan, usize)> {
-        // No pinched edge is split: others could only come of faces that share all their corners.
+        // Those of the input, no part of which is split or on a crease. Doubled faces may make others when they are split.
         let are_old = || !self.edit.is_inserted(gone) && !self.edit.is_inserted(other);
         if self.loosening == Loosening::Never || !self.is_inner[gone] || !are_old() {
             return None;
@@ -53,7 +53,7 @@ impl Zone<'_, '_, '_> {
         let mut best: Option<(f64, usize)> = None;
         for (i, &kept) in fan.ring.iter().enumerate().take(n_tried) {
             let limit = best.map_or(old, |(least, _)| least) - MIN_GAIN;
-            let new = self.energy_with(&[gone], &[self.edit.point(kept)], fan.left_by(i), limit);
+            let new = self.energy_with(&[gone], &[self.edit.point(kept)], fan.without(i), limit);
             if let Some(new) = new.filter(|_| self.edit.may_take(&fan, i)) {
                 best = Some((new, i));
             }
@@ -61,9 +61,11 @@ impl Zone<'_, '_, '_> {
         best.map(|(new, i)| (old - new, fan, i))
     }
 }
+
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::mesh::tests::mesh;
     use crate::untangle::UntangleCounts;
     use crate::untangle::tests::{Scene, assert_near, face};
     use glam::DVec3;
@@ -87,7 +89,7 @@ mod tests {
 
     // The drawing above, with a, u, w, x, p, q, y from 0 to 6, vertex 7 above b, b as vertex 8, and 9 beyond the
     // crease.
-    fn knot_of(n_old: usize) -> Scene {
+    fn pinched_of(n_old: usize) -> Scene {
         let points =
             [[0.0, 0.5], [-1., 1.5], [1., 1.5], [-1., 0.], [-0.3, -0.1], [0.3, -0.1], [1., 0.], [0., 2.]];
         let points = [&points[..], &[[0., 1.], [0., -1.]]].concat();
@@ -95,8 +97,8 @@ mod tests {
         Scene::new(&points, &FACES, n_old, &[]).with_plane(0..n_old, DVec3::Z)
     }
 
-    fn knot() -> Scene {
-        knot_of(10)
+    fn pinched() -> Scene {
+        pinched_of(10)
     }
 
     /// What handing the fan of `gone` that starts with the face with `corners` over to `kept` gains.
@@ -109,10 +111,10 @@ mod tests {
 
     #[test]
     fn a_fan_over_a_sample_goes_to_that_sample() {
-        assert_near(gain(&knot(), [0, 3, 8], 8, 0).unwrap(), 5.0);
-        assert_near(gain(&knot(), [0, 8, 6], 8, 0).unwrap(), 5.0);
-        assert!(gain(&knot(), [0, 8, 1], 8, 0).is_none(), "the sheet above is sound");
-        let (counts, faces) = knot().run(|zone| {
+        assert_near(gain(&pinched(), [0, 3, 8], 8, 0).unwrap(), 5.0);
+        assert_near(gain(&pinched(), [0, 8, 6], 8, 0).unwrap(), 5.0);
+        assert!(gain(&pinched(), [0, 8, 1], 8, 0).is_none(), "the sheet above is sound");
+        let (counts, faces) = pinched().run(|zone| {
             let mut counts = UntangleCounts::default();
             let bad = zone.bad_faces();
             zone.mend(bad, &mut counts);
@@ -129,13 +131,13 @@ mod tests {
 
     #[test]
     fn no_fan_leaves_its_fit() {
-        let lifted = |z: f64| gain(&knot().moved(&[(0, [0., 0.5, z])]), [0, 3, 8], 8, 0).is_some();
+        let lifted = |z: f64| gain(&pinched().moved(&[(0, [0., 0.5, z])]), [0, 3, 8], 8, 0).is_some();
         assert_eq!([0.09, 0.11].map(lifted), [true, false]);
     }
 
     #[test]
     fn a_fan_that_may_not_go_to_the_other_end_goes_elsewhere_later_on() {
-        let scene = knot().moved(&[(0, [0., 0.5, 0.2])]);
+        let scene = pinched().moved(&[(0, [0., 0.5, 0.2])]);
         let (first, then) = scene.run(|zone| {
             let f = face(zone, [0, 3, 8]);
             let first = zone.try_loosen(f, Vert::new(8), Vert::new(0)).is_some();
@@ -152,20 +154,20 @@ mod tests {
     fn only_edges_of_the_input_in_the_zone_are_loosened() {
         let (below, aside) = (([0, 3, 8], 8, 0), ([0, 3, 8], 0, 8));
         let is_loosened = |scene: &Scene, (f, gone, kept)| gain(scene, f, gone, kept).is_some();
-        assert!([below, aside].iter().all(|&fan| is_loosened(&knot_of(9), fan)), "vertex 9 is inserted");
-        assert!([below, aside].iter().all(|&fan| !is_loosened(&knot_of(8), fan)), "so is vertex 8");
-        assert!(!is_loosened(&knot().split_at(0..2), below), "vertex 8 is outside");
+        assert!([below, aside].iter().all(|&fan| is_loosened(&pinched_of(9), fan)), "vertex 9 is inserted");
+        assert!([below, aside].iter().all(|&fan| !is_loosened(&pinched_of(8), fan)), "so is vertex 8");
+        assert!(!is_loosened(&pinched().split_at(0..2), below), "vertex 8 is outside");
     }
 
     #[test]
     fn edges_of_two_faces_are_not_loosened() {
-        assert!(gain(&knot(), [0, 3, 8], 3, 0).is_none());
+        assert!(gain(&pinched(), [0, 3, 8], 3, 0).is_none());
     }
 
     #[test]
     fn without_edges_of_more_than_two_faces_nothing_is_tried() {
         let never = |faces: &[[usize; 3]]| {
-            let at_first = Loosening::at_first(&crate::mesh::tests::mesh(&[[0.; 3]; 10], faces));
+            let at_first = Loosening::at_first(&mesh(&[[0.; 3]; 10], faces));
             assert_ne!(at_first, Loosening::Anywhere);
             at_first == Loosening::Never
         };

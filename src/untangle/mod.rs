@@ -10,10 +10,10 @@
 //! A face is *bad* when its normal is far from the one that the fit of its representative (an old
 //! vertex with a label) predicts. Every operation must lower the summed energy of the faces that it
 //! touches and keep them on their fits. First short edges are collapsed; then bad faces are mended,
-//! worst first, where two sheets fold along an edge that they share by letting go of it; what nothing else
-//! cures goes back towards the middle; then slivers are cleared, and edges that still fold are flipped;
-//! vertices that lie so low over a crease that it may run beyond them are collapsed; last, bad faces that cut
-//! others are pulled out of them.
+//! worst first, and edges of four faces loosened where a sheet folds along them; what nothing else cures
+//! goes back towards the middle; then slivers are cleared, and edges that still fold are flipped; vertices
+//! that lie so low over a crease that it may run beyond them are collapsed; last, bad faces that cut others
+//! are pulled out of them.
 //!
 //! Based on: nothing in the papers, whose clean-up only looks at angles below 1 degree.
 //! In/out: edits the refined mesh in place, in the *zone* only: the faces at vertices of split faces.
@@ -123,6 +123,7 @@ struct Zone<'z, 'c, 'm> {
     n_old: usize,
     /// Whether slivers count as bad.
     slivers_count: bool,
+    /// Where fans at edges of four faces may go.
     loosening: Loosening,
 }
 

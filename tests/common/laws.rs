@@ -170,6 +170,7 @@ pub fn obey_laws(mesh: &Mesh, options: &Options) -> Sharpened {
     let topology = |mesh: &Mesh| Topology::of(mesh, n_loosened == 0);
     let (mut before, after) = (topology(mesh), topology(new));
     before.defects.non_manifold_edges -= n_loosened;
+    assert_eq!(report.left_alone.defects, before.defects);
     before = before.bent(options.bend);
     if options.bend > 0 {
         // Of a face in a line come four, of one in a point only itself.
