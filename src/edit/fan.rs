@@ -126,7 +126,11 @@ mod tests {
     const PINCHED: [[usize; 3]; 9] =
         [[0, 1, 2], [0, 3, 1], [0, 2, 4], [0, 7, 3], [0, 4, 1], [1, 4, 5], [1, 5, 6], [1, 6, 7], [0, 1, 7]];
 
-    /// That as a part of a closed surface.
+    /// The same with a fan of one face between the two that go.
+    const SHORT: [[usize; 3]; 7] =
+        [PINCHED[0], PINCHED[1], PINCHED[2], [0, 5, 3], PINCHED[4], PINCHED[5], [0, 1, 5]];
+
+    /// The first as a part of a closed surface.
     fn closed() -> Faces {
         [&PINCHED[..], &[[2, 8, 4], [8, 5, 4], [8, 6, 5], [8, 7, 6], [8, 3, 7], [1, 8, 2], [1, 3, 8]]]
             .concat()
@@ -186,27 +190,43 @@ mod tests {
     fn no_fan_is_handed_over_where_the_surface_would_be_another() {
         let refuses =
             |faces: &[[usize; 3]], more: &[[usize; 3]]| handed_over(&[faces, more].concat(), 4).is_none();
-        assert!(!refuses(&PINCHED, &[[8, 2, 3]]), "another face does not matter");
-        assert!(refuses(&PINCHED, &[[0, 5, 8]]), "0 and 5 are joined already");
-        let without = |gone: [usize; 3]| PINCHED.into_iter().filter(|&f| f != gone).collect::<Vec<_>>();
-        assert!(refuses(&without([1, 5, 6]), &[]), "the fan does not close");
-        assert!(refuses(&PINCHED, &[[1, 5, 8]]), "nor is it a fan where an edge inside has three faces");
-        assert!(refuses(&without([0, 3, 1]), &[]), "edge 0-1 has three faces");
-        assert!(refuses(&without([0, 3, 1]), &[[0, 1, 3]]), "one of them runs the same way as two others");
+        let with = |more| refuses(&PINCHED, more);
+        let instead = |of: [usize; 3], by: [usize; 3]| PINCHED.map(|f| if f == of { by } else { f });
+        const ASIDE: [usize; 3] = [8, 2, 3];
+        assert!(!with(&[ASIDE]), "another face does not matter");
+        assert!(with(&[[0, 5, 8]]), "0 and 5 are joined already");
+        assert!(refuses(&instead([1, 5, 6], ASIDE), &[]), "the fan does not close");
         assert!(
-            refuses(&PINCHED, &[[0, 1, 8]]) && refuses(&PINCHED, &[[0, 1, 8], [1, 0, 8]]),
-            "five, and six"
+            refuses(&instead([1, 5, 6], [1, 5, 5]), &[]),
+            "a face that names a vertex twice closes nothing"
         );
-        assert!(refuses(&without([0, 3, 1]), &[[0, 1, 1]]), "one names a vertex twice");
-        assert!(refuses(&without([1, 5, 6]), &[[1, 5, 5]]), "so does one inside");
-        // The fan has one face between the two that go.
-        let short = [PINCHED[0], PINCHED[1], PINCHED[2], [0, 5, 3], PINCHED[4], PINCHED[5], [0, 1, 5]];
-        assert!(!refuses(&short, &[]));
-        assert!(refuses(&short, &[[0, 5, 4]]), "that face would have a twin");
+        assert!(with(&[[1, 5, 8]]), "nor is it a fan where an edge inside has three faces");
+        assert!(refuses(&instead([0, 3, 1], ASIDE), &[]), "edge 0-1 has three faces");
+        assert!(refuses(&instead([0, 3, 1], [0, 1, 3]), &[]), "three of four run the same way");
+        assert!(with(&[[0, 1, 8]]) && with(&[[0, 1, 8], [1, 0, 8]]), "five, and six");
+        assert!(refuses(&instead([0, 3, 1], [0, 1, 1]), &[]), "one names a vertex twice");
+        let two = instead([0, 3, 1], [0, 1, 1]).map(|f| if f == [0, 1, 2] { ASIDE } else { f });
+        assert!(refuses(&two, &[]), "without that one there are two");
+        assert!(!refuses(&SHORT, &[]));
+        assert!(refuses(&SHORT, &[[0, 4, 5]]), "that face would have a twin");
         assert!(
             refuses(&[PINCHED[0], PINCHED[1], PINCHED[2], PINCHED[3], PINCHED[4], [0, 1, 4]], &[]),
             "it has none"
         );
+    }
+
+    #[test]
+    fn no_fan_becomes_a_face_of_the_refined_mesh_turned_over() {
+        let is_taken = |was_there: [usize; 3]| {
+            let m = mesh(&[[0.; 3]; 9], &[&SHORT[..], &[was_there]].concat());
+            let refined = refine(&m, &Inserts::none()).unwrap();
+            let is_whole = all_whole(&m);
+            let mut edit = Edit::new(&refined, 9, &is_whole);
+            edit.remove(Face::new(SHORT.len()));
+            let fan = edit.fan_from(Face::new(4), v(1), v(0)).unwrap();
+            edit.may_take(&fan, 0)
+        };
+        assert!(is_taken([0, 4, 5]) && !is_taken([0, 5, 4]));
     }
 
     /// The edges with the ways in which faces run along them, without faces that name a vertex twice.
