@@ -194,30 +194,36 @@ pub fn obey_laws(mesh: &Mesh, options: &Options) -> Sharpened {
     assert!(used_after.range(..n).all(|v| used_before.contains(v)), "an unused vertex is used");
     assert!((n..new.n_verts()).all(|v| used_after.contains(&v)), "a new vertex is of no use");
     if options.bend == 0 && options.method != Method::Paper && !has_doubled_faces(mesh) {
-        let borders = |mesh: &Mesh| -> BTreeSet<[Vert; 2]> {
-            let is_whole = |[a, b, c]: [Vert; 3]| a != b && b != c && c != a;
-            let border = mesh.halves().filter(|&h| mesh.is_border(h) && is_whole(mesh.corners(h.face())));
-            border.map(|h| [mesh.from(h), mesh.to(h)]).collect()
-        };
         let loosened = loosened(mesh, new);
         assert_eq!(loosened.len(), n_loosened);
-        let (mut old, new) = (borders(mesh), borders(new));
-        old.retain(|[a, b]| !loosened.contains(&[a.min(b).index(), a.max(b).index()]));
-        // A crease that reaches the border splits an edge of it.
-        let is_new = |v: &Vert| v.index() >= n || report.replaced_vertices.contains(&v.index());
-        let mut rest = new.clone();
-        for [a, b] in &old {
-            let halves = new.range([*a, Vert::new(0)]..).take_while(|edge| edge[0] == *a).map(|edge| edge[1]);
-            let middle = || halves.filter(is_new).find(|&v| new.contains(&[v, *b]));
-            let parts = if new.contains(&[*a, *b]) {
-                vec![[*a, *b]]
-            } else {
-                let middle = middle().unwrap_or_else(|| panic!("border edge {a:?} {b:?} is no more"));
-                vec![[*a, middle], [middle, *b]]
-            };
-            parts.iter().for_each(|edge| assert!(rest.remove(edge), "{edge:?} of two border edges"));
-        }
-        assert_eq!(rest, BTreeSet::new(), "another border");
+        keep_borders(mesh, new, &loosened, |v| {
+            v.index() >= n || report.replaced_vertices.contains(&v.index())
+        });
     }
     sharpened
+}
+
+/// Checks that the borders of `old` are those of `new`, but for edges that were `loosened`; a crease that reaches the
+/// border splits an edge of it at a new vertex.
+fn keep_borders(old: &Mesh, new: &Mesh, loosened: &BTreeSet<[usize; 2]>, is_new: impl Fn(&Vert) -> bool) {
+    let borders = |mesh: &Mesh| -> BTreeSet<[Vert; 2]> {
+        let is_whole = |[a, b, c]: [Vert; 3]| a != b && b != c && c != a;
+        let border = mesh.halves().filter(|&h| mesh.is_border(h) && is_whole(mesh.corners(h.face())));
+        border.map(|h| [mesh.from(h), mesh.to(h)]).collect()
+    };
+    let (mut old, new) = (borders(old), borders(new));
+    old.retain(|[a, b]| !loosened.contains(&[a.min(b).index(), a.max(b).index()]));
+    let mut rest = new.clone();
+    for [a, b] in &old {
+        let halves = new.range([*a, Vert::new(0)]..).take_while(|edge| edge[0] == *a).map(|edge| edge[1]);
+        let middle = || halves.filter(&is_new).find(|&v| new.contains(&[v, *b]));
+        let parts = if new.contains(&[*a, *b]) {
+            vec![[*a, *b]]
+        } else {
+            let middle = middle().unwrap_or_else(|| panic!("border edge {a:?} {b:?} is no more"));
+            vec![[*a, middle], [middle, *b]]
+        };
+        parts.iter().for_each(|edge| assert!(rest.remove(edge), "{edge:?} of two border edges"));
+    }
+    assert_eq!(rest, BTreeSet::new(), "another border");
 }
