@@ -213,7 +213,7 @@ fn make(bytes: &mut Bytes<'_>) -> Mesh {
     let (mut points, mut faces) = match shape % 8 {
         0 => (Vec::new(), Vec::new()),
         1 => sphere(usize::from(size) % 3).into_parts(),
-        2 => wedge_nets(14 + usize::from(size) % 8, 0.6 + 0.5 * reach, turn(shape)).into_parts(),
+        7 => wedge_nets(14 + usize::from(size) % 8, 0.6 + 0.5 * reach, turn(shape)).into_parts(),
         _ => chamfered_cube(3 + usize::from(size) % 4, reach).into_parts(),
     };
     while !bytes.0.is_empty() {
