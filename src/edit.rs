@@ -7,6 +7,7 @@
 //! Cost: O(V + F) to set up and to finish, O(valence) per query and edit: the mesh is an
 //! [`Excerpt`](crate::excerpt::Excerpt).
 
+mod fan;
 mod finish;
 #[cfg(test)]
 mod tests;
@@ -18,6 +19,7 @@ use glam::DVec3;
 use crate::mesh::{Face, Mesh, PerFace, PerVert, Vert};
 use crate::refine::{Lineage, Place, Refined};
 
+pub(crate) use fan::Fan;
 pub(crate) use finish::Edited;
 
 /// A face that an edit removed.
@@ -244,12 +246,7 @@ impl<'m> Edit<'m> {
     pub(crate) fn collapse(&mut self, gone: Vert, kept: Vert) -> Vec<Face> {
         let (beside, others): (Vec<_>, Vec<_>) =
             self.faces_at(gone).iter().partition(|&&f| self.has_corner(f, kept));
-        for &f in &beside {
-            for v in self.faces[f] {
-                self.list(v).retain(|&g| g != f);
-            }
-            self.faces[f] = DEAD;
-        }
+        beside.into_iter().for_each(|f| self.remove(f));
         for &f in &others {
             self.faces[f] = self.faces[f].map(|v| if v == gone { kept } else { v });
         }
@@ -257,6 +254,13 @@ impl<'m> Edit<'m> {
         self.list(gone).clear();
         self.into[gone] = kept;
         others
+    }
+
+    fn remove(&mut self, f: Face) {
+        for v in self.faces[f] {
+            self.list(v).retain(|&g| g != f);
+        }
+        self.faces[f] = DEAD;
     }
 
     /// Gives `f` and `g` the corners `t` and `u`: the two triangles that the other diagonal of their

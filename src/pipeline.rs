@@ -191,6 +191,7 @@ fn clean(
         }
         rings += 1;
     };
+    report.left_alone.take_loosened(report.untangled.map_or(0, |untangled| untangled.loosened));
     let Rejoined { mesh: cleaned, lineage, now, replaced } = rejoined;
     report.replaced_vertices = replaced.iter().map(|v| v.index()).collect();
     let created = match &chamfers.regions {

@@ -59,6 +59,12 @@ impl LeftAlone {
         }
     }
 
+    /// Notes that so many edges of four faces have two now: two half-edges each are gone, and two have a twin.
+    pub(crate) fn take_loosened(&mut self, n: usize) {
+        self.defects.non_manifold_edges -= n;
+        self.border_edges -= 4 * n;
+    }
+
     /// Notes that so many vertices were joined with others before: no face names them any more, but they are
     /// not isolated.
     pub(crate) fn set_joined(&mut self, n: usize) {

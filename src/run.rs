@@ -183,6 +183,9 @@ fn details(report: &Report) -> String {
         lines.push(format!(
             "{bad} bad faces, slivers not counted: {collapsed} edges collapsed, {flipped} flipped; {left} left, slivers counted"
         ));
+        if untangled.loosened > 0 {
+            lines.push(format!("{} edges of four faces have two now", untangled.loosened));
+        }
     }
     if let Some(verdict) = &report.verdict {
         let percent = |share: f64| format!("{:.1} %", 100.0 * share);

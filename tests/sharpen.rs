@@ -5,11 +5,11 @@ mod common;
 use std::collections::BTreeSet;
 use std::path::Path;
 
-use common::{chamfered_cube, sphere, zoo};
-use glam::DVec3;
+use common::{chamfered_cube, sphere, wedge_nets, zoo};
+use glam::{DQuat, DVec3, dvec3};
 use sharpen::bend::{BendOptions, bend};
 use sharpen::classify::SmoothThreshold;
-use sharpen::mesh::Vert;
+use sharpen::mesh::{Half, Vert};
 use sharpen::place::Outcome;
 use sharpen::tags::{Tags, tags_by_dihedral};
 use sharpen::{Mesh, Method, Options, Sharpened, sharpen};
@@ -137,6 +137,25 @@ fn a_smoothed_cube_becomes_sharp_where_rounds_count_as_creases() {
     let left = run(0.3).report;
     assert!(!left.changed && left.found.rounded_edges > 12 * 16, "{:?}", left.found);
     assert_eq!(sharp.report.found.rounded_edges, 0);
+}
+
+#[test]
+fn edges_of_four_faces_on_surface_nets_have_two_where_faces_would_fold() {
+    let nets = wedge_nets(18, 50f64.to_radians(), DQuat::from_scaled_axis(dvec3(0.2, 0.35, 0.1)));
+    let n_pinched = nets.defects().non_manifold_edges;
+    assert_eq!((n_pinched, nets.n_borders()), (7, 28));
+    let Sharpened { mesh, report, .. } = run(&nets, Method::Regions);
+    let left = n_pinched - report.untangled.unwrap().loosened;
+    assert!(left < 2, "{left}");
+    let counts = (mesh.defects().non_manifold_edges, mesh.n_borders());
+    assert_eq!(counts, (left, 4 * left));
+    assert_eq!((report.left_alone.defects.non_manifold_edges, report.left_alone.border_edges), counts);
+    let normals = mesh.face_normals();
+    let is_fold = |&h: &Half| {
+        let twin = mesh.twin(h).unwrap_or(h);
+        normals[h.face()].dot(normals[twin.face()]) < 170f64.to_radians().cos()
+    };
+    assert_eq!(mesh.halves().filter(is_fold).count(), 0);
 }
 
 #[test]

@@ -17,11 +17,11 @@ fn hexagon() -> (Mesh, Inserts, Refined) {
     (m, inserts, refined)
 }
 
-fn all_whole(m: &Mesh) -> PerVert<bool> {
+pub(super) fn all_whole(m: &Mesh) -> PerVert<bool> {
     PerVert::filled(m.n_verts(), true)
 }
 
-fn v(i: usize) -> Vert {
+pub(super) fn v(i: usize) -> Vert {
     Vert::new(i)
 }
 

@@ -10,9 +10,10 @@
 //! A face is *bad* when its normal is far from the one that the fit of its representative (an old
 //! vertex with a label) predicts. Every operation must lower the summed energy of the faces that it
 //! touches and keep them on their fits. First short edges are collapsed; then bad faces are mended,
-//! worst first; what nothing else cures goes back towards the middle; then slivers are cleared, and
-//! edges that still fold are flipped; vertices that lie so low over a crease that it may run beyond them are
-//! collapsed; last, bad faces that cut others are pulled out of them.
+//! worst first, and edges of four faces loosened where a sheet folds along them; what nothing else cures
+//! goes back towards the middle; then slivers are cleared, and edges that still fold are flipped; vertices
+//! that lie so low over a crease that it may run beyond them are collapsed; last, bad faces that cut others
+//! are pulled out of them.
 //!
 //! Based on: nothing in the papers, whose clean-up only looks at angles below 1 degree.
 //! In/out: edits the refined mesh in place, in the *zone* only: the faces at vertices of split faces.
@@ -21,6 +22,7 @@
 
 mod cross;
 mod fold;
+mod loosen;
 mod low;
 mod moves;
 mod respace;
@@ -34,6 +36,7 @@ use crate::edit::Edit;
 use crate::fit::Fit;
 use crate::mesh::{Face, Mesh, PerFace, PerVert, Vert};
 use crate::refine::Refined;
+use loosen::Loosening;
 
 /// A face whose normal is more than 60 degrees from the predicted one is bad ...
 const BAD_COSINE: f64 = 0.5;
@@ -64,6 +67,8 @@ pub struct UntangleCounts {
     pub left: usize,
     /// Edges collapsed, short ones and those of low faces included.
     pub collapsed: usize,
+    /// Edges of four faces that have two now.
+    pub loosened: usize,
     /// Edges flipped.
     pub flipped: usize,
     /// Crease vertices that were spaced anew along their crease.
@@ -118,6 +123,8 @@ struct Zone<'z, 'c, 'm> {
     n_old: usize,
     /// Whether slivers count as bad.
     slivers_count: bool,
+    /// Where fans at edges of four faces may go.
+    loosening: Loosening,
 }
 
 const OUTSIDE: u32 = u32::MAX;
@@ -156,9 +163,19 @@ impl<'z, 'c, 'm> Zone<'z, 'c, 'm> {
             neighbours[b.index() - n_old].push(a);
         }
         neighbours.iter_mut().for_each(|list: &mut Vec<Vert>| list.sort_unstable());
-        let energy = vec![None; faces.len()];
-        let slivers_count = false;
-        Self { context, edit, faces, slot, is_inner, fits, energy, creases: neighbours, n_old, slivers_count }
+        Self {
+            energy: vec![None; faces.len()],
+            creases: neighbours,
+            slivers_count: false,
+            loosening: Loosening::at_first(context.before),
+            context,
+            edit,
+            faces,
+            slot,
+            is_inner,
+            fits,
+            n_old,
+        }
     }
 
     fn in_zone(&self, f: Face) -> bool {
@@ -289,8 +306,8 @@ impl<'z, 'c, 'm> Zone<'z, 'c, 'm> {
         }
     }
 
-    /// Rounds of operations on bad faces, worst first, until nothing changes: first without moving
-    /// vertices back, then with it, then with slivers counted as bad.
+    /// Rounds of operations on bad faces, worst first, until nothing changes: at first fans go to the other end
+    /// of their edge only, then anywhere; then vertices move back; then slivers count as bad.
     fn mend(&mut self, bad: Vec<Face>, counts: &mut UntangleCounts) {
         let mut todo = bad;
         let mut may_move_back = false;
@@ -303,7 +320,9 @@ impl<'z, 'c, 'm> Zone<'z, 'c, 'm> {
             if changed {
                 continue;
             }
-            if !may_move_back {
+            if self.loosening == Loosening::ToOtherEnd {
+                self.loosening = Loosening::Anywhere;
+            } else if !may_move_back {
                 may_move_back = true;
             } else if !self.slivers_count {
                 self.slivers_count = true;

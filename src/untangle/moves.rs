@@ -3,6 +3,7 @@
 //! ```text
 //!   flip        the other diagonal of two faces, either of which may follow either fit
 //!   collapse    a vertex into a neighbour: off creases anywhere, on a crease along it only
+//!   loosen      a fan of faces from one end of an edge of four faces to another vertex (`loosen.rs`)
 //!   merge       two crease vertices into one between them on the crease, or two corners that nearly coincide
 //!   respace     one crease vertex or a run of them along the crease (`respace.rs`)
 //!   back        an inserted vertex towards the middle of its edge: it leaves the feature, the last resort
@@ -18,6 +19,7 @@ mod tests;
 use glam::DVec3;
 
 use super::{CREASE_TOLERANCE, FACE_TOLERANCE, MIN_GAIN, UntangleCounts, Zone};
+use crate::edit::Fan;
 use crate::mesh::{Face, Vert};
 
 /// Two corners joined by a crease edge shorter than this (in mean edge lengths) may merge: what should be one apex of
@@ -49,6 +51,7 @@ const RESIDUAL_SLACK: f64 = 1.0001;
 pub(super) enum Operation {
     Flip { faces: [Face; 2], triangles: [[Vert; 3]; 2] },
     Collapse { gone: Vert, kept: Vert },
+    Loosen { fan: Fan, to: usize },
     Merge { gone: Vert, kept: Vert, to: DVec3 },
     Respace { vertices: Vec<Vert>, to: Vec<DVec3> },
     MoveBack { vertex: Vert, to: DVec3 },
@@ -58,7 +61,7 @@ pub(super) enum Operation {
 struct Candidate {
     /// Energy gained, see [`GAIN_PARTS`]: less is rounding.
     gain: i64,
-    /// Flip, collapse, merge, one vertex, a run, back: of equal gains the gentler operation.
+    /// Flip, collapse or loosen, merge, one vertex, a run, back: of equal gains the gentler operation.
     rank: u8,
     length_squared: f64,
     vertices: [Vert; 2],
@@ -94,6 +97,8 @@ impl Zone<'_, '_, '_> {
             for (gone, kept) in [(a, b), (b, a)] {
                 if let Some(gain) = self.try_collapse(gone, kept, false) {
                     push(gain, 1, length_squared, [gone, kept], Operation::Collapse { gone, kept });
+                } else if let Some((gain, fan, to)) = self.try_loosen(f, gone, kept) {
+                    push(gain, 1, length_squared, [gone, kept], Operation::Loosen { fan, to });
                 }
             }
             if self.edit.is_inserted(a) && self.edit.is_inserted(b) {
@@ -132,6 +137,12 @@ impl Zone<'_, '_, '_> {
             Operation::Collapse { gone, kept } => {
                 counts.collapsed += 1;
                 self.collapse(gone, kept)
+            }
+            Operation::Loosen { fan, to } => {
+                counts.loosened += 1;
+                let touched = self.edit.hand_over(&fan, to);
+                touched.iter().for_each(|&f| self.forget(f));
+                touched
             }
             Operation::Merge { gone, kept, to } => {
                 counts.collapsed += 1;

@@ -17,6 +17,47 @@ pub struct Topology {
     pub defects: EdgeDefects,
 }
 
+/// The edges with the ways in which faces run along them, true from the lower vertex to the higher one. Faces that name
+/// a vertex twice have none.
+fn edges(mesh: &Mesh) -> BTreeMap<[usize; 2], Vec<bool>> {
+    let mut edges: BTreeMap<[usize; 2], Vec<bool>> = BTreeMap::new();
+    for f in mesh.faces().iter().filter(|[a, b, c]| a != b && b != c && c != a) {
+        for i in 0..3 {
+            let (a, b) = (f[i].index(), f[(i + 1) % 3].index());
+            edges.entry([a.min(b), a.max(b)]).or_default().push(a < b);
+        }
+    }
+    edges
+}
+
+fn is_regular(ways: &[bool]) -> bool {
+    ways.len() == 2 && ways[0] != ways[1]
+}
+
+/// Whether two sheets may hang together at an edge: it has four faces, two of either way.
+fn is_pinched(ways: &[bool]) -> bool {
+    ways.len() == 4 && ways.iter().filter(|&&way| way).count() == 2
+}
+
+/// The edges of three faces or more.
+fn non_manifold(mesh: &Mesh) -> BTreeMap<[usize; 2], Vec<bool>> {
+    let mut edges = edges(mesh);
+    edges.retain(|_, ways| ways.len() > 2);
+    edges.values_mut().for_each(|ways| ways.sort_unstable());
+    edges
+}
+
+/// The edges of `old` that `new` no longer has as such an edge: all of them were pinched, and the others are as they
+/// were.
+fn loosened(old: &Mesh, new: &Mesh) -> BTreeSet<[usize; 2]> {
+    let (mut gone, left) = (non_manifold(old), non_manifold(new));
+    for (edge, ways) in &left {
+        assert_eq!(gone.remove(edge).as_ref(), Some(ways), "another non-manifold edge {edge:?}");
+    }
+    assert!(gone.values().all(|ways| is_pinched(ways)), "{gone:?} were not pinched");
+    gone.into_keys().collect()
+}
+
 /// Merges what belongs together.
 struct Union(Vec<usize>);
 
@@ -48,26 +89,21 @@ impl Topology {
         self
     }
 
-    /// From the faces alone, without half-edges; without those that name a vertex twice.
-    pub fn of(mesh: &Mesh) -> Self {
-        let faces: Vec<_> = mesh.faces().iter().filter(|[a, b, c]| a != b && b != c && c != a).collect();
-        let used: BTreeSet<usize> = faces.iter().flat_map(|f| f.map(Vert::index)).collect();
-        let mut edges: BTreeMap<[usize; 2], Vec<bool>> = BTreeMap::new();
+    /// From the faces alone, without half-edges; without those that name a vertex twice. Whether pinched edges count as
+    /// borders can be chosen.
+    pub fn of(mesh: &Mesh, pinched_are_borders: bool) -> Self {
+        let edges = edges(mesh);
+        let used: BTreeSet<usize> = edges.keys().flatten().copied().collect();
         let mut whole = Union((0..mesh.n_verts()).collect());
-        for f in &faces {
-            for i in 0..3 {
-                let (a, b) = (f[i].index(), f[(i + 1) % 3].index());
-                whole.join(a, b);
-                edges.entry([a.min(b), a.max(b)]).or_default().push(a < b);
-            }
-        }
+        edges.keys().for_each(|&[a, b]| whole.join(a, b));
         // A border is what has no opposite; its loops are counted as connected sets.
         let mut border = Union((0..mesh.n_verts()).collect());
-        let open: Vec<[usize; 2]> =
-            edges.iter().filter(|(_, d)| d.len() != 2 || d[0] == d[1]).map(|(&e, _)| e).collect();
+        let is_open = |ways: &[bool]| !is_regular(ways) && (pinched_are_borders || !is_pinched(ways));
+        let open: Vec<[usize; 2]> = edges.iter().filter(|(_, ways)| is_open(ways)).map(|(&e, _)| e).collect();
         open.iter().for_each(|&[a, b]| border.join(a, b));
+        let n_faces = edges.values().flatten().count() / 3;
         Self {
-            euler: used.len() as isize - edges.len() as isize + faces.len() as isize,
+            euler: used.len() as isize - edges.len() as isize + n_faces as isize,
             components: whole.count(used.into_iter()),
             border_loops: border.count(open.into_iter().flatten()),
             defects: mesh.defects(),
@@ -129,7 +165,13 @@ pub fn obey_laws(mesh: &Mesh, options: &Options) -> Sharpened {
         assert_eq!((n_changed, new.n_verts(), new.faces()), (0, n, mesh.faces()));
     }
 
-    let (mut before, after) = (Topology::of(mesh).bent(options.bend), Topology::of(new));
+    // Where an edge of four faces has two now, it is no border any more. Without any such edge nothing else changes.
+    let n_loosened = report.untangled.map_or(0, |untangled| untangled.loosened);
+    let topology = |mesh: &Mesh| Topology::of(mesh, n_loosened == 0);
+    let (mut before, after) = (topology(mesh), topology(new));
+    before.defects.non_manifold_edges -= n_loosened;
+    assert_eq!(report.left_alone.defects, before.defects);
+    before = before.bent(options.bend);
     if options.bend > 0 {
         // Of a face in a line come four, of one in a point only itself.
         before.defects.collapsed_faces = after.defects.collapsed_faces;
@@ -152,27 +194,36 @@ pub fn obey_laws(mesh: &Mesh, options: &Options) -> Sharpened {
     assert!(used_after.range(..n).all(|v| used_before.contains(v)), "an unused vertex is used");
     assert!((n..new.n_verts()).all(|v| used_after.contains(&v)), "a new vertex is of no use");
     if options.bend == 0 && options.method != Method::Paper && !has_doubled_faces(mesh) {
-        let borders = |mesh: &Mesh| -> BTreeSet<[Vert; 2]> {
-            let is_whole = |[a, b, c]: [Vert; 3]| a != b && b != c && c != a;
-            let border = mesh.halves().filter(|&h| mesh.is_border(h) && is_whole(mesh.corners(h.face())));
-            border.map(|h| [mesh.from(h), mesh.to(h)]).collect()
-        };
-        // A crease that reaches the border splits an edge of it.
-        let (old, new) = (borders(mesh), borders(new));
-        let is_new = |v: &Vert| v.index() >= n || report.replaced_vertices.contains(&v.index());
-        let mut rest = new.clone();
-        for [a, b] in &old {
-            let halves = new.range([*a, Vert::new(0)]..).take_while(|edge| edge[0] == *a).map(|edge| edge[1]);
-            let middle = || halves.filter(is_new).find(|&v| new.contains(&[v, *b]));
-            let parts = if new.contains(&[*a, *b]) {
-                vec![[*a, *b]]
-            } else {
-                let middle = middle().unwrap_or_else(|| panic!("border edge {a:?} {b:?} is no more"));
-                vec![[*a, middle], [middle, *b]]
-            };
-            parts.iter().for_each(|edge| assert!(rest.remove(edge), "{edge:?} of two border edges"));
-        }
-        assert_eq!(rest, BTreeSet::new(), "another border");
+        let loosened = loosened(mesh, new);
+        assert_eq!(loosened.len(), n_loosened);
+        keep_borders(mesh, new, &loosened, |v| {
+            v.index() >= n || report.replaced_vertices.contains(&v.index())
+        });
     }
     sharpened
+}
+
+/// Checks that the borders of `old` are those of `new`, but for edges that were `loosened`; a crease that reaches the
+/// border splits an edge of it at a new vertex.
+fn keep_borders(old: &Mesh, new: &Mesh, loosened: &BTreeSet<[usize; 2]>, is_new: impl Fn(&Vert) -> bool) {
+    let borders = |mesh: &Mesh| -> BTreeSet<[Vert; 2]> {
+        let is_whole = |[a, b, c]: [Vert; 3]| a != b && b != c && c != a;
+        let border = mesh.halves().filter(|&h| mesh.is_border(h) && is_whole(mesh.corners(h.face())));
+        border.map(|h| [mesh.from(h), mesh.to(h)]).collect()
+    };
+    let (mut old, new) = (borders(old), borders(new));
+    old.retain(|[a, b]| !loosened.contains(&[a.min(b).index(), a.max(b).index()]));
+    let mut rest = new.clone();
+    for [a, b] in &old {
+        let halves = new.range([*a, Vert::new(0)]..).take_while(|edge| edge[0] == *a).map(|edge| edge[1]);
+        let middle = || halves.filter(&is_new).find(|&v| new.contains(&[v, *b]));
+        let parts = if new.contains(&[*a, *b]) {
+            vec![[*a, *b]]
+        } else {
+            let middle = middle().unwrap_or_else(|| panic!("border edge {a:?} {b:?} is no more"));
+            vec![[*a, middle], [middle, *b]]
+        };
+        parts.iter().for_each(|edge| assert!(rest.remove(edge), "{edge:?} of two border edges"));
+    }
+    assert_eq!(rest, BTreeSet::new(), "another border");
 }

@@ -1,7 +1,9 @@
 //! Meshes that tests share, all from closed forms.
 #![allow(dead_code)] // Each test file uses some of them.
 
-use glam::{DVec3, dvec3};
+use std::collections::BTreeMap;
+
+use glam::{DQuat, DVec2, DVec3, dvec2, dvec3};
 use sharpen::Mesh;
 use sharpen::mesh::Vert;
 
@@ -76,7 +78,7 @@ pub fn sphere(levels: usize) -> Mesh {
     }
     orient_outwards(&points, &mut faces);
     for _ in 0..levels {
-        let mut middles = std::collections::BTreeMap::new();
+        let mut middles = BTreeMap::new();
         let mut middle = |a: usize, b: usize| {
             *middles.entry((a.min(b), a.max(b))).or_insert_with(|| {
                 points.push((points[a] + points[b]).normalize());
@@ -90,6 +92,52 @@ pub fn sphere(levels: usize) -> Mesh {
         faces = faces.into_iter().flat_map(split).collect();
     }
     mesh(points, &faces)
+}
+
+/// Surface nets of the solid where `field` is negative, within a grid of `n` cells each way over `[-1, 1]³`: each cell
+/// that the surface crosses has one vertex, in the mean of the crossings, even where two sheets cross it.
+pub fn surface_nets(n: usize, field: impl Fn(DVec3) -> f64) -> Mesh {
+    let place = |at: [usize; 3]| DVec3::from(at.map(|i| 2.0 * i as f64 / n as f64 - 1.0));
+    let grid = || (0..n).flat_map(|x| (0..n).flat_map(move |y| (0..n).map(move |z| [x, y, z])));
+    let mut crossings: BTreeMap<[usize; 3], Vec<DVec3>> = BTreeMap::new();
+    let mut quads = Vec::new();
+    for (low, axis) in grid().flat_map(|low| [0, 1, 2].map(|axis| (low, axis))) {
+        let moved = |by: [usize; 3], to: usize| [0, 1, 2].map(|k| low[k] + to * by[k]);
+        let unit = |k: usize| [0, 1, 2].map(|l| usize::from(k % 3 == l));
+        let (p, q) = (place(low), place(moved(unit(axis), 1)));
+        let (f, g) = (field(p), field(q));
+        if (f < 0.0) == (g < 0.0) {
+            continue;
+        }
+        // The four cells round the edge, counter-clockwise as seen from its high end.
+        let (b, c) = ((axis + 1) % 3, (axis + 2) % 3);
+        let mut cells = [[1, 1], [0, 1], [0, 0], [1, 0]].map(|[i, j]| {
+            let mut cell = low;
+            (cell[b], cell[c]) = (cell[b] - i, cell[c] - j);
+            cell
+        });
+        cells.iter().for_each(|&cell| crossings.entry(cell).or_default().push(p.lerp(q, f / (f - g))));
+        if f >= 0.0 {
+            cells.reverse();
+        }
+        quads.push(cells);
+    }
+    let cells: Vec<_> = crossings.keys().copied().collect();
+    let points = crossings.values().map(|of| of.iter().sum::<DVec3>() / of.len() as f64).collect();
+    let number = |cell: &[usize; 3]| cells.binary_search(cell).unwrap();
+    let corners = quads.iter().map(|quad| [0, 1, 2, 3].map(|i| number(&quad[i])));
+    let faces: Vec<_> = corners.flat_map(|[a, b, c, d]| [[a, b, c], [a, c, d]]).collect();
+    mesh(points, &faces)
+}
+
+/// Surface nets of a turned wedge of so many radians: some of the edges on its edge have four faces.
+pub fn wedge_nets(n: usize, angle: f64, turn: DQuat) -> Mesh {
+    let side = DVec2::from_angle(angle / 2.0);
+    surface_nets(n, |p| {
+        let p = turn * (1.3 * p);
+        let sides = side.dot(dvec2(p.x.abs(), p.y)) - 0.7 * side.y;
+        sides.max(p.z.abs() - 0.7).max(-p.y - 0.5)
+    })
 }
 
 /// Meshes that break careless passes, each with its name.

@@ -11,7 +11,7 @@ use sharpen::classify::SmoothThreshold;
 use sharpen::mesh::Vert;
 use sharpen::{Mesh, Method, Options};
 
-use crate::common::{chamfered_cube, sphere, zoo};
+use crate::common::{chamfered_cube, sphere, wedge_nets, zoo};
 
 /// A mesh that prints itself as the statements that make it.
 #[derive(Clone)]
@@ -68,6 +68,11 @@ pub fn sampling() -> impl Strategy<Value = Mesh> {
         let exact = |p: DVec3| (p * 1_073_741_824.0).round() / 1_073_741_824.0;
         Mesh::new(points.into_iter().map(jitter).map(exact).collect(), faces).unwrap()
     })
+}
+
+/// A sampling with edges of four faces.
+fn nets() -> impl Strategy<Value = Mesh> {
+    (14..20usize, 0.6..1.1, rotation()).prop_map(|(n, angle, turn)| wedge_nets(n, angle, turn))
 }
 
 /// Triangles between random points, with all that can be wrong about them.
@@ -133,7 +138,8 @@ fn suffer(mesh: Mesh, damages: &[Damage]) -> Mesh {
 
 /// Any mesh at all.
 pub fn any_mesh() -> impl Strategy<Value = Shown> {
-    let damaged = (sampling(), vec(damage(), 0..12)).prop_map(|(mesh, damages)| suffer(mesh, &damages));
+    let whole = prop_oneof![4 => sampling(), 1 => nets()];
+    let damaged = (whole, vec(damage(), 0..12)).prop_map(|(mesh, damages)| suffer(mesh, &damages));
     prop_oneof![4 => damaged, 2 => soup(), 1 => zoo_animal()].prop_map(Shown)
 }
 

@@ -32,7 +32,7 @@ pub fn seeds() -> Vec<(&'static str, Vec<u8>)> {
         }
     }
     // For `mesh`: options, format, shape and size, damage.
-    for shape in [1, 2] {
+    for shape in [1, 2, 7] {
         for size in 0..4 {
             for options in [0, 1, 2, 4, 8, 16, 64, 128] {
                 let damage = [7, 0, size, 9, 1, 2, 12, 0, 5, 14, 0, 8, 15, 0, 3, 10, 0, 1, 0, 2];

@@ -2,7 +2,7 @@
 //! targets in `fuzz/` call them, and `tests/corpus.rs` on all that was found.
 #![allow(dead_code)] // Each of them uses some of it.
 
-use glam::{DVec3, dvec3};
+use glam::{DQuat, DVec3, dvec3};
 use sharpen::attributes::Encoding;
 use sharpen::io::{self, Format, Model, View};
 use sharpen::mesh::Vert;
@@ -10,7 +10,7 @@ use sharpen::weld::{Weld, weld};
 use sharpen::{Mesh, Method, Options, sharpen_with_attributes};
 
 use crate::laws::{bits, obey_laws};
-use crate::shapes::{chamfered_cube, sphere};
+use crate::shapes::{chamfered_cube, sphere, wedge_nets};
 
 /// All formats that can be written.
 pub const FORMATS: [Format; 9] = [
@@ -201,6 +201,11 @@ impl Bytes<'_> {
     }
 }
 
+/// A rotation from five bits.
+fn turn(bits: u8) -> DQuat {
+    DQuat::from_scaled_axis(dvec3(0.4, 0.7, 0.2) * (0.5 + f64::from(bits >> 3)))
+}
+
 /// A shape and what happens to it.
 fn make(bytes: &mut Bytes<'_>) -> Mesh {
     let (shape, size) = (bytes.next(), bytes.next());
@@ -208,6 +213,7 @@ fn make(bytes: &mut Bytes<'_>) -> Mesh {
     let (mut points, mut faces) = match shape % 8 {
         0 => (Vec::new(), Vec::new()),
         1 => sphere(usize::from(size) % 3).into_parts(),
+        7 => wedge_nets(14 + usize::from(size) % 8, 0.6 + 0.5 * reach, turn(shape)).into_parts(),
         _ => chamfered_cube(3 + usize::from(size) % 4, reach).into_parts(),
     };
     while !bytes.0.is_empty() {
