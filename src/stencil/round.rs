@@ -21,8 +21,6 @@ use glam::DVec3;
 /// hole of five edges that a scan leaves in a plane is no circle, and bent into one it only grows
 /// (fandisk scan_20k: Emax 0.748 % of the diagonal, with this rule 0.673 %, which it has without bending).
 const MAX_TURN_COS: f64 = 0.5;
-/// A circle of six turns by just as much.
-const ROUNDING: f64 = 1e-9;
 
 /// Whether a curve that arrives in a vertex along `before` and leaves it along `after` goes on smoothly.
 pub(super) fn is_smooth_turn(before: DVec3, after: DVec3) -> bool {
@@ -45,12 +43,9 @@ pub(super) fn expected_by_normals(edge: DVec3, n: DVec3, m: DVec3) -> [DVec3; 2]
 
 /// How many times as far from the middle of its edge as a stencil puts it a new vertex is on a cylinder or circle that
 /// turns by an angle with this cosine from one end of the edge to the other. What turns by more than [`MAX_TURN_COS`] is
-/// a corner.
+/// as round as a hexagon.
 pub(super) fn roundness(cosine: f64) -> f64 {
-    if cosine < MAX_TURN_COS - ROUNDING {
-        return 1.0;
-    }
-    let half = (0.5 * (1.0 + cosine)).sqrt(); // And cos²(t/4) is (1 + half) / 2.
+    let half = (0.5 * (1.0 + cosine.max(MAX_TURN_COS))).sqrt(); // And cos²(t/4) is (1 + half) / 2.
     2.0 / (half * (1.0 + half))
 }
 
@@ -81,11 +76,11 @@ mod tests {
     }
 
     #[test]
-    fn what_is_flat_or_turns_like_a_corner_is_not_round() {
+    fn what_is_flat_is_not_round_and_nothing_is_rounder_than_a_hexagon() {
         let of = |degrees: f64| roundness(degrees.to_radians().cos());
         assert_eq!([of(0.0), turn_of_bulge(0.0)], [1.0; 2]);
-        assert!(of(59.9) > 1.2);
-        assert_eq!([60.1, 90.0, 180.0].map(of), [1.0; 3]);
+        assert!(of(59.9) < of(60.0) && of(60.0) < 1.25);
+        assert_eq!([60.1, 90.0, 180.0].map(of), [roundness(0.5); 3]);
         assert_eq!([0.2, f64::INFINITY, f64::NAN].map(turn_of_bulge), [0.0; 3]);
     }
 }
