@@ -386,12 +386,18 @@ fn noise_is_doubted_and_a_sphere_is_not() {
 
 /// A new vertex on its way from the middle of its edge, all in edges.
 struct Vouched {
-    /// Where the stencil would have it ...
+    /// Where the stencil would have it.
     stencil: DVec3,
-    /// ... and as far as the surface is round.
-    wanted: DVec3,
+    roundness: f64,
     expected: [DVec3; 2],
     shift: Shift,
+}
+
+impl Vouched {
+    /// Where it wants to be if that the surface is round is trusted so much.
+    fn wanted(&self, trust: f64) -> DVec3 {
+        (1.0 + trust.powi(ROUNDNESS_POWER) * (self.roundness - 1.0)) * self.stencil
+    }
 }
 
 /// That of the edge at (`i`, 3) of `m`, a grid of eight rows, towards the next column.
@@ -404,7 +410,7 @@ fn vouched(m: &Mesh, tags: &Tags, i: usize) -> Vouched {
     shift.vector /= length;
     let stencil = (stencils.point(&site) - middle) / length;
     let expected = site.expected.map(|way| way / length);
-    Vouched { stencil, wanted: site.roundness() * stencil, expected, shift }
+    Vouched { stencil, roundness: site.roundness(), expected, shift }
 }
 
 /// A grid of eight by eight whose columns are at these heights.
@@ -417,7 +423,9 @@ fn what_both_ends_expect_is_believed_in_full_up_to_a_turn_of_100_degrees() {
     let none = Tags::default();
     // Parabolas with their tops on the middle of the edge: both ends expect the same.
     let parabola = |a: f64| profile(std::array::from_fn(|i| -a * (i as f64 - 3.5).powi(2)));
-    let Vouched { stencil, wanted, expected: [a, b], shift } = vouched(&parabola(0.3), &none, 3);
+    let vertex = vouched(&parabola(0.3), &none, 3);
+    let Vouched { stencil, expected: [a, b], ref shift, .. } = vertex;
+    let wanted = vertex.wanted(1.0);
     assert!(a.distance(b) < 1e-12 && a.length() < MAX_EXPECTED);
     assert!((shift.vector - wanted).length() < 1e-9 && !shift.is_doubted && !shift.is_shortened);
     assert_relative_eq!(stencil.z, 0.25 * 0.3, epsilon = 1e-12);
@@ -427,13 +435,14 @@ fn what_both_ends_expect_is_believed_in_full_up_to_a_turn_of_100_degrees() {
     let columns: Vec<_> =
         steps.into_iter().chain(steps.into_iter().rev().map(|(x, z)| (1.0 - x, z))).collect();
     let steep = grid(8, 8, false, |i, j| dvec3(columns[i as usize].0, j, columns[i as usize].1));
-    let Vouched { wanted, expected: [a, b], shift, .. } = vouched(&steep, &none, 3);
+    let vertex = vouched(&steep, &none, 3);
+    let Vouched { expected: [a, b], ref shift, .. } = vertex;
     assert!(a.distance(b) < 1e-12 && a.length() > 1.05 * MAX_EXPECTED);
     let trust = (MAX_EXPECTED / a.length()).powi(2);
-    assert!((shift.vector - trust * wanted).length() < 1e-9 && !shift.is_shortened);
+    assert!((shift.vector - trust * vertex.wanted(trust)).length() < 1e-9 && !shift.is_shortened);
     assert_eq!(shift.is_doubted, trust < 0.5);
-    let Vouched { wanted, shift, .. } = vouched(&parabola(0.7), &none, 3);
-    assert!(wanted.z > MAX_SHIFT && shift.is_shortened);
+    let Vouched { stencil, shift, .. } = vouched(&parabola(0.7), &none, 3);
+    assert!(stencil.z > MAX_SHIFT && shift.is_shortened);
     assert_relative_eq!(shift.vector.z, MAX_SHIFT, epsilon = 1e-12);
 }
 
@@ -441,16 +450,16 @@ fn what_both_ends_expect_is_believed_in_full_up_to_a_turn_of_100_degrees() {
 fn where_one_end_expects_nothing_trust_is_a_half_and_beside_a_curve_a_quarter() {
     // A plane that begins to bend: the edge from column 2 to 3 has its far end on the bend.
     let m = profile([0.0, 0.0, 0.0, 0.0, 0.05, 0.2, 0.4, 0.6]);
-    let Vouched { stencil, wanted, expected: [a, b], shift } = vouched(&m, &Tags::default(), 2);
+    let Vouched { stencil, expected: [a, b], shift, .. } = vouched(&m, &Tags::default(), 2);
     assert!(a.length().min(b.length()) < 1e-12 && a.length().max(b.length()) > 1e-3);
     // It wants to go down by a sixteenth of what the next column rises, and may.
     assert_relative_eq!(stencil.z, -0.05 / 16.0, epsilon = 1e-12);
-    assert!((shift.vector - 0.5 * wanted).length() < 1e-6, "{} {wanted}", shift.vector);
+    assert!((shift.vector - 0.5 * stencil).length() < 1e-6, "{} {stencil}", shift.vector);
     // Cut along column 2, the same edge has an end on a curve.
     let along = (0..7).map(|j| [16 + j, 17 + j].map(Vert::new));
-    let Vouched { wanted, expected: [a, b], shift, .. } = vouched(&m, &Tags::new(along, []), 2);
-    assert!(a.length().min(b.length()) < 1e-12 && wanted.length() > 1e-3);
-    assert!((shift.vector - 0.25 * wanted).length() < 1e-6, "{} {wanted}", shift.vector);
+    let Vouched { stencil, expected: [a, b], shift, .. } = vouched(&m, &Tags::new(along, []), 2);
+    assert!(a.length().min(b.length()) < 1e-12 && stencil.length() > 1e-3);
+    assert!((shift.vector - 0.25 * stencil).length() < 1e-6, "{} {stencil}", shift.vector);
 }
 
 #[test]
@@ -459,9 +468,9 @@ fn a_new_vertex_goes_no_farther_than_twice_what_the_bolder_end_expects() {
     // normals know better.
     let columns = [(-30., 1.), (-20., 1.), (-10., 1.), (0., 0.), (1., 0.), (11., 1.), (21., 1.), (31., 1.)];
     let m = grid(8, 8, false, |i, j| dvec3(columns[i as usize].0, j, columns[i as usize].1));
-    let Vouched { stencil, wanted, expected: [a, b], shift } = vouched(&m, &Tags::default(), 3);
+    let Vouched { stencil, expected: [a, b], shift, .. } = vouched(&m, &Tags::default(), 3);
     assert_relative_eq!(stencil.z, -0.125, epsilon = 1e-12);
-    assert!(a.distance(b) < 1e-12 && a.z < 0.0 && wanted.z < 5.0 * a.z, "{a} {b}");
+    assert!(a.distance(b) < 1e-12 && a.z < 0.0 && stencil.z < 5.0 * a.z, "{a} {b}");
     assert_relative_eq!(shift.vector.z, 2.0 * a.z, epsilon = 1e-5);
 }
 
