@@ -14,8 +14,6 @@
 #[cfg(test)]
 mod tests;
 
-use std::collections::BTreeMap;
-
 use serde::Serialize;
 
 use super::{Surface, VertexFits, rounds};
@@ -273,13 +271,14 @@ fn group_by_triangles(mesh: &Mesh, edges: &[Half]) -> (Vec<u32>, usize) {
             }
         }
     }
-    let mut numbers = BTreeMap::new();
-    let mut group = Vec::with_capacity(edges.len());
+    // The root of a group is its lowest edge.
+    let (mut group, mut n_groups) = (Vec::with_capacity(edges.len()), 0);
     for i in 0..edges.len() as u32 {
-        let next = numbers.len() as u32;
-        group.push(*numbers.entry(root(&mut parents, i)).or_insert(next));
+        let root = root(&mut parents, i);
+        group.push(if root == i { n_groups } else { group[root as usize] });
+        n_groups += u32::from(root == i);
     }
-    (group, numbers.len())
+    (group, n_groups as usize)
 }
 
 /// What is summed up over the edges of a strip.
