@@ -1,3 +1,5 @@
+use std::collections::BTreeMap;
+
 use glam::dvec3;
 
 use super::*;
@@ -115,6 +117,22 @@ fn most_children_of_turned_faces_are_mended_on_any_number_of_threads() {
     for other in [2, 4].map(run) {
         assert_eq!((one.mesh.points(), &one.counts), (other.mesh.points(), &other.counts));
     }
+}
+
+#[test]
+fn the_order_of_the_faces_and_of_their_corners_does_not_matter() {
+    let m = shaken();
+    let turned_round = |(i, &[a, b, c]): (usize, &[Vert; 3])| [[a, b, c], [b, c, a], [c, a, b]][i % 3];
+    let faces: Vec<_> = m.faces().iter().enumerate().map(turned_round).rev().collect();
+    let other = Mesh::new(m.points().to_vec(), faces).unwrap();
+    let middles = |m: &Mesh| {
+        let Bent { mesh: fine, counts, .. } = bent(m, &Tags::default());
+        let ends = m.edges().map(|h| [m.from(h).min(m.to(h)), m.from(h).max(m.to(h))]);
+        (ends.zip(fine.points()[m.n_verts()..].to_vec()).collect::<BTreeMap<_, _>>(), counts.mended)
+    };
+    let ((here, n), (there, n_other)) = (middles(&m), middles(&other));
+    assert!(n > 10 && n == n_other, "{n} {n_other}");
+    assert!(here.iter().all(|(ends, p)| p.distance(there[ends]) < 1e-12));
 }
 
 /// The faces that should be mended, and the directions of the surface that they should lie in.
