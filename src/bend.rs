@@ -8,10 +8,10 @@
 //! ```
 //!
 //! Based on: Sharpen&Bend section 4.2; the stencils are in [`stencil`](crate::stencil).
-//! Differs: the papers' plain scheme misses circles and folds meshes that are full of slivers. Here a new vertex goes on
-//! to the circle where its surroundings are round (see [`stencil`](crate::stencil)), but only as
-//! far as its neighbourhood vouches for, retreats towards the middle where faces would turn over (see
-//! `limit.rs`), and makes up for faces that are turned over already (see `mend.rs`). Paper silent.
+//! Differs: the papers' plain scheme misses circles and folds meshes that are full of slivers. Here a new vertex
+//! goes on to the circle where its surroundings are round (see [`stencil`](crate::stencil)), but only as far as
+//! its neighbourhood vouches for, retreats towards the middle where faces would turn over (see `limit.rs`), and
+//! makes up for faces that are turned over already (see `mend.rs`). Paper silent.
 //! In/out: `Mesh` + `Tags` -> `Bent`: old vertices first, in their order and where they were, then one
 //! new vertex per edge in the order of [`Mesh::edges`].
 //! Cost: O(F), parallel; rounds of the limiter look only at faces whose vertices moved.

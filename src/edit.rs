@@ -118,10 +118,15 @@ impl<'m> Edit<'m> {
         self.faces[f].contains(&v)
     }
 
+    /// The standing faces with both `a` and `b` as corners.
+    pub(crate) fn faces_with(&self, a: Vert, b: Vert) -> impl Iterator<Item = Face> + '_ {
+        self.faces_at(a).iter().copied().filter(move |&f| self.has_corner(f, b))
+    }
+
     /// The faces with both `a` and `b` as corners, if there are exactly two and they agree on the
     /// orientation: first the one that runs from `a` to `b`.
     pub(crate) fn faces_beside(&self, a: Vert, b: Vert) -> Option<[Face; 2]> {
-        let mut both = self.faces_at(a).iter().copied().filter(|&f| self.has_corner(f, b));
+        let mut both = self.faces_with(a, b);
         let (f, g) = (both.next()?, both.next()?);
         if both.next().is_some() {
             return None;
@@ -141,7 +146,7 @@ impl<'m> Edit<'m> {
 
     /// Whether some face has both `a` and `b` as corners.
     pub(crate) fn are_neighbours(&self, a: Vert, b: Vert) -> bool {
-        self.faces_at(a).iter().any(|&f| self.has_corner(f, b))
+        self.faces_with(a, b).next().is_some()
     }
 
     /// The corner of `f` that is neither `a` nor `b`.

@@ -233,6 +233,13 @@ impl Mesh {
         self.from(h.next())
     }
 
+    /// The vertex that `h` leaves, and the one that it points to.
+    #[inline]
+    #[must_use]
+    pub fn ends(&self, h: Half) -> [Vert; 2] {
+        [self.from(h), self.to(h)]
+    }
+
     /// The vertex of the face of `h` that is not on `h`.
     #[inline]
     #[must_use]
@@ -274,7 +281,7 @@ impl Mesh {
             return Vec::new();
         }
         let borders = self.halves().filter(|&h| self.is_border(h));
-        let mut verts: Vec<Vert> = borders.flat_map(|h| [self.from(h), self.to(h)]).collect();
+        let mut verts: Vec<Vert> = borders.flat_map(|h| self.ends(h)).collect();
         verts.sort_unstable();
         verts.dedup();
         verts

@@ -47,7 +47,7 @@ pub fn paint(mesh: &Mesh, labels: &Labels) -> Vec<u8> {
         bytes.extend(colour);
     }
     for h in edges {
-        for v in [mesh.from(h), mesh.to(h)] {
+        for v in mesh.ends(h) {
             bytes.extend((v.index() as u32).to_le_bytes());
         }
         bytes.extend(edge_colour(labels, h));

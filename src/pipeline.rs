@@ -213,7 +213,7 @@ fn untangle_excerpt(
     regions: &RegionLabels,
     edit: &mut Edit<'_>,
 ) -> UntangleCounts {
-    let ends = regions.chamfers.iter().flat_map(|&h| [mesh.from(h), mesh.to(h)]);
+    let ends = regions.chamfers.iter().flat_map(|&h| mesh.ends(h));
     let chamfer_ends = Subset::of(mesh.n_verts(), ends);
     let context = Context {
         before: mesh,
@@ -248,7 +248,7 @@ fn find_tags(mesh: &Mesh, chamfers: &Chamfers, cleaned: &Cleaned, method: Method
         None => mesh.edges().filter(|&h| labels.sharp_edge[h]).collect(),
         Some(regions) => regions.sharp_already(mesh, &labels.smooth_edge),
     };
-    let old = old.into_iter().map(|h| [mesh.from(h), mesh.to(h)]);
+    let old = old.into_iter().map(|h| mesh.ends(h));
     let created = cleaned.created.iter().copied().filter(|edge| edge.iter().all(is_tagged));
     let bent = Tags::where_bent(&cleaned.mesh, old.chain(created).map(now));
     let apexes = chamfers.regions.iter().flat_map(|regions| &regions.apexes);

@@ -191,7 +191,7 @@ impl RegionLabels {
         let Some(twin) = mesh.twin(h) else { return false };
         let fits = (self.fits.get(mesh.opposite(h)), self.fits.get(mesh.opposite(twin)));
         let (Some(p), Some(q)) = fits else { return false };
-        let ends = [mesh.from(h), mesh.to(h)].map(|v| mesh.point(v));
+        let ends = mesh.ends(h).map(|v| mesh.point(v));
         let middle = ends[0].midpoint(ends[1]);
         let is_on = |fit: &Fit| ends.iter().all(|&end| fit.evaluate(end, self.mean_edge).0.abs() < ON_CREASE);
         meet_in_crease(p, q, middle, self.mean_edge) && is_on(p) && is_on(q)

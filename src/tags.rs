@@ -147,7 +147,7 @@ fn in_order(mut edges: Vec<[Vert; 2]>) -> Vec<[Vert; 2]> {
 pub fn tags_by_dihedral(mesh: &Mesh, radians: f64) -> Tags {
     let normals = mesh.face_normals();
     let is_sharp = |h: &Half| dihedral_angle(mesh, &normals, *h).is_some_and(|angle| angle >= radians);
-    Tags::new(mesh.edges().filter(is_sharp).map(|h| [mesh.from(h), mesh.to(h)]), [])
+    Tags::new(mesh.edges().filter(is_sharp).map(|h| mesh.ends(h)), [])
 }
 
 /// Chains the sharp edges into polylines, each from one corner or dead end (a vertex with other than two

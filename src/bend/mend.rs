@@ -31,7 +31,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::limit::{Draft, MAX_FOLD_COS, is_within};
-use crate::mesh::{Face, Half, Vert, has_repeated_vertex};
+use crate::mesh::{Face, Half, has_repeated_vertex};
 
 /// A child that is turned by more than this from its surface is bad: 60 degrees, the most that the limiter
 /// lets one turn from its parent.
@@ -40,7 +40,7 @@ const BAD_COS: f64 = 0.5;
 /// crease that was not found there are two surfaces, and each would turn the other's faces: without this
 /// rule pyramid mi_8k has 18 % more L2 error than without bending. 0.75 leaves 8 more faces turned.
 const MIN_AGREEMENT: f64 = 0.6;
-/// A move must lower the badness by this: a good child has none, a bad one 1 to 2.5.
+/// A move must lower the badness by this: a good child has none, a bad one 1 to 2.5 or [`COLLAPSED`].
 const MIN_GAIN: f64 = 0.5;
 /// What a child counts that has no area which a float could tell from rounding: as much as two that are turned right over.
 /// On an old vertex, or in line with two, no new one is of use, and which of these it went to would be for rounding to say.
@@ -91,7 +91,7 @@ impl Draft<'_> {
         let mut moved: Vec<usize> = Vec::new();
         // In the order of their vertices: that of the faces in the file decides nothing.
         let mut todo = suspects.clone();
-        todo.sort_by_cached_key(|&(f, _)| self.edges_by_vertices(f).map(|h| self.ends(h)));
+        todo.sort_by_cached_key(|&(f, _)| self.edges_by_vertices(f).map(|h| self.mesh.ends(h)));
         for _ in 0..ROUNDS {
             let mut moved_now = Vec::new();
             for &(f, normal) in &todo {
@@ -121,15 +121,11 @@ impl Draft<'_> {
 
     /// The edges of `f`, each as the half-edge that leaves its lower vertex if there is one, the lowest first.
     fn edges_by_vertices(&self, f: Face) -> [Half; 3] {
-        let from_lower =
-            |h: Half| self.mesh.twin(h).filter(|&twin| self.ends(twin) < self.ends(h)).unwrap_or(h);
+        let mesh = self.mesh;
+        let from_lower = |h: Half| mesh.twin(h).filter(|&twin| mesh.from(twin) < mesh.from(h)).unwrap_or(h);
         let mut edges = f.halves().map(from_lower);
-        edges.sort_by_key(|&h| self.ends(h));
+        edges.sort_by_key(|&h| mesh.ends(h));
         edges
-    }
-
-    fn ends(&self, h: Half) -> [Vert; 2] {
-        [self.mesh.from(h), self.mesh.to(h)]
     }
 
     /// The faces that look away from the surface round them or are folded, ascending.
@@ -230,10 +226,12 @@ impl Draft<'_> {
                 let area = (b - a).cross(c - a);
                 let longest = a.distance_squared(b).max(b.distance_squared(c)).max(c.distance_squared(a));
                 let size = area.length();
-                let has_area = size > 1e-9 * longest;
-                let cosine = if has_area { area.dot(surface) / size } else { 1.0 };
-                sum += if cosine < BAD_COS { 1.5 - cosine } else { 0.0 };
-                sum += if has_area { 0.0 } else { COLLAPSED };
+                let cosine = area.dot(surface) / size;
+                sum += match size > 1e-9 * longest {
+                    false => COLLAPSED,
+                    true if cosine < BAD_COS => 1.5 - cosine,
+                    true => 0.0,
+                };
                 worst = worst.min(if longest > 0.0 { size / longest } else { 0.0 });
             }
         }

@@ -124,7 +124,7 @@ fn a_sharp_polyline_round_a_circle_comes_closer_at_each_level() {
     for n in [16, 32] {
         for m in drum_and_lid(n) {
             let curve = |m: &Mesh, tags: &Tags| {
-                let borders = m.edges().filter(|&h| m.is_border(h)).map(|h| [m.from(h), m.to(h)]);
+                let borders = m.edges().filter(|&h| m.is_border(h)).map(|h| m.ends(h));
                 along_edges(m, tags.sharp_edges().iter().copied().chain(borders))
             };
             let mut tags = tags_by_dihedral(&m, 1.0);
@@ -146,7 +146,7 @@ fn a_sharp_polyline_round_a_circle_comes_closer_at_each_level() {
 fn an_open_cylinder_comes_closer_at_each_level() {
     for n in [16, 32] {
         let surface = |m: &Mesh| {
-            let mut points = along_edges(m, m.edges().map(|h| [m.from(h), m.to(h)]));
+            let mut points = along_edges(m, m.edges().map(|h| m.ends(h)));
             points.extend(m.face_ids().map(|f| m.triangle(f).into_iter().sum::<DVec3>() / 3.0));
             points
         };
@@ -209,7 +209,7 @@ fn in_a_tilted_plane_new_vertices_stay_in_the_middle() {
     let uneven = |i: f64, j: f64| turn * dvec3(i + 0.3 * (2.0 * j).sin(), j + 0.3 * (3.0 * i).cos(), 0.0);
     let m = grid(7, 5, false, uneven);
     let Bent { mesh: fine, .. } = bent(&m, &Tags::default(), &LIMITED);
-    let is_inner = |h: &Half| ![m.from(*h), m.to(*h)].iter().any(|v| m.border_verts().contains(v));
+    let is_inner = |h: &Half| !m.ends(*h).iter().any(|v| m.border_verts().contains(v));
     let mut n_inner = 0;
     for (h, &point) in m.edges().zip(&fine.points()[m.n_verts()..]).filter(|(h, _)| is_inner(h)) {
         assert_eq!(point, m.point(m.from(h)).midpoint(m.point(m.to(h))));
@@ -326,7 +326,7 @@ fn slivers_fold_by_the_plain_scheme_and_not_by_the_limited_one() {
     assert!(counts.retreated > 0);
     // It is nearer to the cylinder than the plain one, too.
     let error = |m: &Mesh| {
-        let points = along_edges(m, m.edges().map(|h| [m.from(h), m.to(h)]));
+        let points = along_edges(m, m.edges().map(|h| m.ends(h)));
         let squares = points.iter().map(|p| (p.truncate().length() - 1.0).powi(2));
         (squares.sum::<f64>() / points.len() as f64).sqrt()
     };
@@ -512,7 +512,7 @@ fn no_new_vertex_is_mended_onto_an_old_one() {
     };
     let m = grid(8, 6, false, |i, j| dvec3(i, j, heights(i, j)));
     let sharp = [15, 17].map(|e| m.edges().nth(e).unwrap());
-    let tags = Tags::new(sharp.map(|h| [m.from(h), m.to(h)]), []);
+    let tags = Tags::new(sharp.map(|h| m.ends(h)), []);
     let fine = bent(&m, &tags, &LIMITED).mesh;
     for f in fine.face_ids() {
         let [a, b, c] = fine.triangle(f);
@@ -633,7 +633,7 @@ proptest! {
         });
         let edges: Vec<Half> = terrain.edges().collect();
         let sharp = sharp.into_iter().map(|e| edges[e % edges.len()]);
-        let tags = Tags::new(sharp.map(|h| [terrain.from(h), terrain.to(h)]), []);
+        let tags = Tags::new(sharp.map(|h| terrain.ends(h)), []);
         let bent_once = bent(&terrain, &tags, &LIMITED);
         let lineage = bent_once.lineage();
         let Bent { mesh: fine, tags: fine_tags, counts, .. } = bent_once;

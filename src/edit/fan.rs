@@ -53,7 +53,7 @@ impl Edit<'_> {
     /// runs both ways.
     fn is_pinched(&self, a: Vert, b: Vert) -> bool {
         let (mut n, mut n_forth, mut n_back) = (0, 0, 0);
-        for &f in self.faces_at(a).iter().filter(|&&f| self.has_corner(f, b)) {
+        for f in self.faces_with(a, b) {
             n += 1;
             n_forth += usize::from(self.runs(f, a, b));
             n_back += usize::from(self.runs(f, b, a));

@@ -97,7 +97,7 @@ pub struct Apex {
 /// Finds the tips of cones away from `chamfers`, ascending.
 pub(super) fn find(surface: &Surface, chamfers: &[Half]) -> Vec<Apex> {
     let mut is_end = vec![false; surface.near.verts.len()];
-    let ends = chamfers.iter().flat_map(|&h| [surface.mesh.from(h), surface.mesh.to(h)]);
+    let ends = chamfers.iter().flat_map(|&h| surface.mesh.ends(h));
     ends.for_each(|v| is_end[surface.near.of[v] as usize] = true);
     let candidates = candidates(surface, &is_end);
     let found = candidates.par_iter().filter_map(|&i| Patch::around(surface, i)?.apex(chamfers, &is_end));
@@ -221,7 +221,7 @@ impl<'s, 'a> Patch<'s, 'a> {
             edges.map(|h| mesh.edge(h)).filter(|h| chamfers.binary_search(h).is_ok()).collect();
         edges.sort_unstable();
         edges.dedup();
-        let is_own = |&h: &Half| [mesh.from(h), mesh.to(h)].iter().all(|v| self.verts.contains(v));
+        let is_own = |&h: &Half| mesh.ends(h).iter().all(|v| self.verts.contains(v));
         edges.iter().all(is_own).then_some(edges)
     }
 

@@ -194,7 +194,7 @@ pub(super) fn off_surface(surface: &Surface, fits: &VertexFits, chamfers: &[Half
 
 /// The vertices of `edges`, ascending, each once.
 pub(super) fn ends_of(mesh: &Mesh, edges: &[Half]) -> Vec<Vert> {
-    let mut ends: Vec<Vert> = edges.iter().flat_map(|&h| [mesh.from(h), mesh.to(h)]).collect();
+    let mut ends: Vec<Vert> = edges.iter().flat_map(|&h| mesh.ends(h)).collect();
     ends.sort_unstable();
     ends.dedup();
     ends
@@ -294,7 +294,7 @@ pub(super) struct Sums {
 
 impl Sums {
     pub fn add(&mut self, surface: &Surface, fits: &VertexFits, h: Half) {
-        let ends = [surface.mesh.from(h), surface.mesh.to(h)];
+        let ends = surface.mesh.ends(h);
         let (Some(p), Some(q)) = (fits.get(ends[0]), fits.get(ends[1])) else { return };
         self.n_edges += 1;
         // Positive where the two fits make a ridge, negative where they make a valley.

@@ -54,7 +54,7 @@ pub(super) fn moves(surface: &Surface, fits: &VertexFits, chamfers: &[Half]) -> 
     let near = &surface.near;
     let mut is_end = vec![false; near.verts.len()];
     let mut is_in_zone = is_end.clone();
-    for i in chamfers.iter().flat_map(|&h| [surface.mesh.from(h), surface.mesh.to(h)]).map(|v| near.of[v]) {
+    for i in chamfers.iter().flat_map(|&h| surface.mesh.ends(h)).map(|v| near.of[v]) {
         (is_end[i as usize], is_in_zone[i as usize]) = (true, true);
         near.neighbours(i).iter().for_each(|&j| is_in_zone[j as usize] = true);
     }

@@ -140,7 +140,7 @@ impl Placing<'_> {
     }
 
     fn on_edge(&self, h: Half) -> Found {
-        let ends = [self.mesh.from(h), self.mesh.to(h)];
+        let ends = self.mesh.ends(h);
         let [a, b] = ends.map(|v| self.point(v));
         let centre = a.midpoint(b);
         let [Some(p), Some(q)] = ends.map(|v| self.labels.fits.get(v)) else {

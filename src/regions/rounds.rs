@@ -202,7 +202,7 @@ struct Inside {
 /// Those ends of the edge of `h` that a region explains.
 fn samples_at(surface: &Surface, fits: &VertexFits, h: Half) -> impl Iterator<Item = Inside> {
     let mesh = surface.mesh;
-    let ends = [mesh.from(h), mesh.to(h)];
+    let ends = mesh.ends(h);
     let [p, q] = ends.map(|v| fits.get(v));
     let along = mesh.point(ends[1]) - mesh.point(ends[0]);
     let sample = move |(v, along, own, other): (Vert, DVec3, Option<&Fit>, Option<&Fit>)| {

@@ -246,7 +246,7 @@ fn only_what_bends_like_a_chamfer_is_beyond_reach() {
         let interior_vertex = PerVert::filled(6, false);
         let fits = VertexFits::none(6, m.verts().collect());
         let labels = RegionLabels { interior_vertex, fits, ..RegionLabels::default() };
-        labels.beyond_reach(&m).iter().map(|h| [m.from(*h), m.to(*h)].map(Vert::index)).collect::<Vec<_>>()
+        labels.beyond_reach(&m).iter().map(|h| m.ends(*h).map(Vert::index)).collect::<Vec<_>>()
     };
     assert_eq!(beyond(0.1), [[0; 2]; 0], "eleven degrees");
     assert_eq!(beyond(1.0), [[2, 3], [3, 0], [5, 2]]);

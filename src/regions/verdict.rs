@@ -115,7 +115,7 @@ fn creases(mesh: &Mesh, labels: &RegionLabels) -> Vec<Vec<Half>> {
 
 fn support(mesh: &Mesh, labels: &RegionLabels, placement: &Placement, edges: &[Half], at: Vert) -> Support {
     let new = |v: Vert| v.index() - mesh.n_verts();
-    let ends = edges.iter().flat_map(|&h| [mesh.from(h), mesh.to(h)]);
+    let ends = edges.iter().flat_map(|&h| mesh.ends(h));
     let fits: Vec<&Fit> = ends.filter_map(|v| labels.fits.get(v)).collect();
     let samples = |fit: &&Fit| if fit.source == FitSource::Region { fit.n_members } else { 0 };
     let share = |part: usize, whole: usize| part as f64 / whole.max(1) as f64;

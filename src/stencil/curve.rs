@@ -52,7 +52,7 @@ impl Stencils<'_> {
 
     /// The same for an edge of three faces or more, which has no fan of its own: among all fans at `v`.
     fn knot_beyond(&self, edge: Half, v: Vert) -> Option<Vert> {
-        let ends = [self.mesh.from(edge), self.mesh.to(edge)];
+        let ends = self.mesh.ends(edge);
         let mut found = None;
         for &h in self.mesh.leaving(v) {
             for (spoke, neighbour) in [(h, self.mesh.to(h)), (h.prev(), self.mesh.opposite(h))] {

@@ -463,7 +463,7 @@ fn an_edge_of_three_faces_goes_on_in_others_of_its_kind() {
     assert_weights(weights(&m, &[], [1, 2]), Rule::R2, expected);
     // All three half-edges agree. At the ends of the line three borders begin: it is a corner.
     let stencils = Stencils::new(&m, &Tags::default());
-    let halves = m.halves().filter(|&h| [m.from(h), m.to(h)] == [1, 2].map(Vert::new));
+    let halves = m.halves().filter(|&h| m.ends(h) == [1, 2].map(Vert::new));
     let points: Vec<DVec3> = halves.map(|h| stencils.place(h).point).collect();
     assert_eq!((points.len(), points[0], points[1]), (3, points[1], points[2]));
     assert_eq!(place(&m, &[], [0, 1]).rule, Rule::R6);

@@ -143,7 +143,7 @@ impl Zone<'_, '_, '_> {
         let Some(triangles) = self.edit.flippable([f, g], a, b) else { return };
         let [_, d, c] = triangles[0];
         let sides = [(a, d), (d, b), (b, c), (c, a)];
-        let across = sides.map(|(p, q)| self.beside(p, q).find(|&h| h != f && h != g));
+        let across = sides.map(|(p, q)| self.edit.faces_with(p, q).find(|&h| h != f && h != g));
         if [Some(f), Some(g)].iter().chain(&across).flatten().any(|h| flipped.contains(h)) {
             return;
         }

@@ -95,7 +95,7 @@ impl Zone<'_, '_, '_> {
     /// The low faces beside the crease edges from `v` to vertices of higher index.
     fn low_beside(&self, v: Vert) -> impl Iterator<Item = Low> + '_ {
         let higher = self.crease(v).iter().filter(move |&&w| v < w);
-        higher.flat_map(move |&w| self.beside(v, w)).filter_map(|f| self.low(f))
+        higher.flat_map(move |&w| self.edit.faces_with(v, w)).filter_map(|f| self.low(f))
     }
 
     /// Whether `f` has a crease edge and is low over it, or near it and folded.
@@ -108,7 +108,7 @@ impl Zone<'_, '_, '_> {
         let [a, b] = [0, 1].map(|i| if t[i] == vert { t[2] } else { t[i] });
         // Without a fit there is doubt, but nothing to tell noise by.
         let residual = |g: Face| self.fit(g).map_or(MAX_HEIGHT / NOISY_HEIGHT_IN_RMS, |fit| fit.rms);
-        let doubt = self.beside(a, b).filter(|&g| self.in_zone(g)).map(residual).fold(0.0, f64::max);
+        let doubt = self.edit.faces_with(a, b).filter(|&g| self.in_zone(g)).map(residual).fold(0.0, f64::max);
         let limit = MAX_HEIGHT.max(NOISY_HEIGHT_IN_RMS * doubt).min(HEIGHT_IN_RMS * doubt);
         let is_low = height < limit || (height < MAX_HEIGHT && self.folds_over(f, a, b));
         is_low.then_some(Low { height, face: f, vert })
@@ -117,7 +117,8 @@ impl Zone<'_, '_, '_> {
     /// Whether `f` folds back onto the face across its edge `a`-`b`.
     fn folds_over(&self, f: Face, a: Vert, b: Vert) -> bool {
         let normal = |g: Face| unit_normal(self.edit.triangle(g));
-        let folds = |n: DVec3| self.beside(a, b).filter_map(normal).any(|m| n.dot(m) < FOLD_ANGLE.cos());
+        let folds =
+            |n: DVec3| self.edit.faces_with(a, b).filter_map(normal).any(|m| n.dot(m) < FOLD_ANGLE.cos());
         normal(f).is_some_and(folds)
     }
 
@@ -184,7 +185,7 @@ impl Zone<'_, '_, '_> {
             let Some(n) = normal(f) else { return true };
             let t = corners(f);
             (0..3).map(|i| (t[i], t[(i + 1) % 3])).any(|(a, b)| {
-                let across = stay().chain(self.beside(a, b).filter(|g| !faces.contains(g)));
+                let across = stay().chain(self.edit.faces_with(a, b).filter(|g| !faces.contains(g)));
                 let mut across = across.filter(|&g| g != f && [a, b].iter().all(|w| corners(g).contains(w)));
                 across.any(|g| normal(g).is_none_or(|m| n.dot(m) < FOLD_ANGLE.cos()))
             })
@@ -226,7 +227,7 @@ mod tests {
         let corners = (0..25).filter(|c| c % 5 != 4).flat_map(square);
         let before = mesh(&points, &corners.collect::<Vec<_>>());
         let is_between = |h: Half| {
-            let rows = [before.from(h), before.to(h)].map(|v| v.index() / 5);
+            let rows = before.ends(h).map(|v| v.index() / 5);
             rows.contains(&2) && rows.contains(&3)
         };
         let mut inserts = Inserts::in_the_middle(&before, is_between, &[]);

@@ -195,11 +195,6 @@ impl<'z, 'c, 'm> Zone<'z, 'c, 'm> {
         self.crease(a).contains(&b)
     }
 
-    /// The standing faces with both `a` and `b`.
-    fn beside(&self, a: Vert, b: Vert) -> impl Iterator<Item = Face> + '_ {
-        self.edit.faces_at(a).iter().copied().filter(move |&f| self.edit.has_corner(f, b))
-    }
-
     fn energy(&mut self, f: Face) -> Energy {
         let slot = self.slot[f] as usize;
         if let Some(energy) = self.energy[slot] {

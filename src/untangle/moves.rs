@@ -261,7 +261,7 @@ impl Zone<'_, '_, '_> {
         let h = self.context.mean_edge;
         let is_near =
             |f: Face| self.fit(f).is_none_or(|fit| fit.evaluate(point, h).0.abs() <= CREASE_TOLERANCE);
-        self.beside(a, b).all(is_near)
+        self.edit.faces_with(a, b).all(is_near)
     }
 
     /// What the other diagonal of the faces beside edge `a`-`b` of `f` gains. Either new triangle may

@@ -17,11 +17,16 @@ pub struct Topology {
     pub defects: EdgeDefects,
 }
 
+/// Whether a face names three vertices.
+fn is_whole([a, b, c]: &[Vert; 3]) -> bool {
+    a != b && b != c && c != a
+}
+
 /// The edges with the ways in which faces run along them, true from the lower vertex to the higher one. Faces that name
 /// a vertex twice have none.
 fn edges(mesh: &Mesh) -> BTreeMap<[usize; 2], Vec<bool>> {
     let mut edges: BTreeMap<[usize; 2], Vec<bool>> = BTreeMap::new();
-    for f in mesh.faces().iter().filter(|[a, b, c]| a != b && b != c && c != a) {
+    for f in mesh.faces().iter().filter(|f| is_whole(f)) {
         for i in 0..3 {
             let (a, b) = (f[i].index(), f[(i + 1) % 3].index());
             edges.entry([a.min(b), a.max(b)]).or_default().push(a < b);
@@ -126,7 +131,7 @@ fn has_doubled_faces(mesh: &Mesh) -> bool {
 fn turned_face(old: &Mesh, new: &Mesh, replaced: &[usize]) -> Option<[Vert; 3]> {
     let mut ways: BTreeMap<[Vert; 3], [Vec<bool>; 2]> = BTreeMap::new();
     for (i, mesh) in [old, new].into_iter().enumerate() {
-        for f in mesh.faces().iter().filter(|[a, b, c]| a != b && b != c && c != a) {
+        for f in mesh.faces().iter().filter(|f| is_whole(f)) {
             let mut sorted = *f;
             sorted.sort_unstable();
             let is_ascending = (0..3).any(|k| [f[k], f[(k + 1) % 3], f[(k + 2) % 3]] == sorted);
@@ -207,8 +212,7 @@ pub fn obey_laws(mesh: &Mesh, options: &Options) -> Sharpened {
 /// border splits an edge of it at a new vertex.
 fn keep_borders(old: &Mesh, new: &Mesh, loosened: &BTreeSet<[usize; 2]>, is_new: impl Fn(&Vert) -> bool) {
     let borders = |mesh: &Mesh| -> BTreeSet<[Vert; 2]> {
-        let is_whole = |[a, b, c]: [Vert; 3]| a != b && b != c && c != a;
-        let border = mesh.halves().filter(|&h| mesh.is_border(h) && is_whole(mesh.corners(h.face())));
+        let border = mesh.halves().filter(|&h| mesh.is_border(h) && is_whole(&mesh.corners(h.face())));
         border.map(|h| [mesh.from(h), mesh.to(h)]).collect()
     };
     let (mut old, new) = (borders(old), borders(new));

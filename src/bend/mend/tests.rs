@@ -55,7 +55,7 @@ fn the_children_of_a_cap_that_has_slipped_over_its_edge_are_all_right() {
     assert!(worst_shape(&fine) > 0.1);
     assert_eq!(fine.points()[..6], *m.points());
     assert!(fine.points().iter().all(|p| p.z == 0.0), "they move within the surface");
-    let middle = m.edges().position(|h| [m.from(h), m.to(h)] == [4, 5].map(Vert::new)).unwrap();
+    let middle = m.edges().position(|h| m.ends(h) == [4, 5].map(Vert::new)).unwrap();
     assert_eq!(fine.points()[6 + middle], dvec3(0.5, 1.0, 0.0));
 }
 

@@ -222,10 +222,7 @@ mod tests {
         let labels = RegionLabels {
             mean_edge: 1.0,
             fits: planes(&m, &(0..5).map(plane).collect::<Vec<_>>()),
-            chamfers: m
-                .edges()
-                .filter(|&h| [m.from(h), m.to(h)].map(crate::mesh::Vert::index) != [2, 3])
-                .collect(),
+            chamfers: m.edges().filter(|&h| m.ends(h).map(crate::mesh::Vert::index) != [2, 3]).collect(),
             corner_faces: [0, 2].map(Face::new).to_vec(),
             ..RegionLabels::default()
         };
