@@ -15,7 +15,6 @@
 
 use std::ops::RangeInclusive;
 
-use foldhash::HashSet;
 use glam::DVec3;
 
 use super::VertexFits;
@@ -27,6 +26,8 @@ use crate::mesh::{Half, Vert};
 
 /// Labels are carried this many times, 3 h each: what is farther from a region is better left alone.
 const ROUNDS: usize = 3;
+/// What changed farther than this from a vertex, in h, is not in its patch; a little more than that goes.
+const NEWS_REACH: f64 = 1.01 * REACH_IN_REGION;
 /// Neighbours are on the same surface when their normals are within this angle, in radians ...
 const JOINED_ANGLE: f64 = 30.0 * std::f64::consts::PI / 180.0;
 /// ... and their difference rises above their mean tangent plane by at most this share of its length ...
@@ -69,11 +70,12 @@ pub(super) fn grow(surface: &Surface, fits: &mut VertexFits, far: RangeInclusive
             |fit: &Fit| fit.displacement.abs() > (FAR_IN_RMS * fit.rms).clamp(*far.start(), *far.end());
         !surface.interior[v] && fit.is_none_or(is_far)
     };
-    let mut news: Option<Cells> = None;
+    let mut news: Option<News> = None;
     for _ in 0..ROUNDS {
         let explain = |scratch: &mut Scratch, fits: &VertexFits, v| {
-            let centre = surface.near.of[v];
-            if news.as_ref().is_some_and(|news| !news.may_reach(surface.near.points[centre as usize])) {
+            let centre = near.of[v];
+            let place = near.points[centre as usize];
+            if news.as_ref().is_some_and(|news| !news.is_within(NEWS_REACH * surface.h, place)) {
                 return None; // Round it is all as it was, when nothing better was found.
             }
             let grown = Grown { surface, labels: &labels, is_member: &is_member, centre };
@@ -89,8 +91,7 @@ pub(super) fn grow(surface: &Surface, fits: &mut VertexFits, far: RangeInclusive
         if found.is_empty() {
             break;
         }
-        let places = found.iter().map(|&v| surface.mesh.point(v));
-        news = Some(Cells::of(1.01 * REACH_IN_REGION * surface.h, places));
+        news = Some(News::of(found.iter().map(|&v| surface.mesh.point(v))));
         for v in found {
             let i = near.of[v] as usize;
             (labels[i], is_member[i]) = (fits.get(v).map_or(labels[i], carried), true);
@@ -98,29 +99,24 @@ pub(super) fn grow(surface: &Surface, fits: &mut VertexFits, far: RangeInclusive
     }
 }
 
-/// The cells of a grid in which there are points, and those next to them.
-struct Cells {
-    width: f64,
-    cells: HashSet<[u64; 3]>,
+/// Points among which those near a place are found.
+struct News {
+    /// Ascending by x.
+    points: Vec<DVec3>,
 }
 
-impl Cells {
-    fn of(width: f64, points: impl Iterator<Item = DVec3>) -> Self {
-        let mut cells = HashSet::default();
-        for point in points {
-            let step = |i: u32| DVec3::from([i / 9, i / 3 % 3, i % 3].map(|step| f64::from(step) - 1.0));
-            cells.extend((0..27).map(|i| Self::cell(width, point, step(i))));
-        }
-        Self { width, cells }
+impl News {
+    fn of(points: impl Iterator<Item = DVec3>) -> Self {
+        let mut points: Vec<DVec3> = points.collect();
+        points.sort_unstable_by(|p, q| p.x.total_cmp(&q.x));
+        Self { points }
     }
 
-    /// Whether any of the points may be within a cell's width of `p`; if not, none is.
-    fn may_reach(&self, p: DVec3) -> bool {
-        self.cells.contains(&Self::cell(self.width, p, DVec3::ZERO))
-    }
-
-    fn cell(width: f64, p: DVec3, step: DVec3) -> [u64; 3] {
-        ((p / width).floor() + step).to_array().map(f64::to_bits)
+    /// Whether one of the points is within `reach` of `place`.
+    fn is_within(&self, reach: f64, place: DVec3) -> bool {
+        let start = self.points.partition_point(|p| p.x < place.x - reach);
+        let mut slab = self.points[start..].iter().take_while(|p| p.x <= place.x + reach);
+        slab.any(|p| p.distance_squared(place) <= reach * reach)
     }
 }
 
@@ -225,12 +221,12 @@ mod tests {
     }
 
     #[test]
-    fn what_is_within_a_cell_of_a_point_is_reached() {
-        let points = [dvec3(0.2, -0.1, -0.0), dvec3(7.0, 0.0, 3.0)];
-        let cells = Cells::of(2.0, points.into_iter());
-        assert!(points.iter().all(|&p| cells.may_reach(p) && cells.may_reach(p + dvec3(1.1, -1.1, 1.1))));
-        assert!(points.iter().all(|&p| cells.may_reach(p - dvec3(2.0, 0.0, 0.0))));
-        assert!(!cells.may_reach(dvec3(0.2, 4.1, 0.0)) && !cells.may_reach(dvec3(-4.1, 0.0, 0.0)));
+    fn points_are_near_what_is_within_reach_of_one() {
+        let news = News::of([dvec3(7.0, 0.0, 3.0), dvec3(0.2, -0.1, -0.0), dvec3(1.0, 9.0, 0.0)].into_iter());
+        assert!(news.is_within(2.0, dvec3(2.1, -0.1, 0.0)) && news.is_within(2.0, dvec3(7.0, -1.4, 4.4)));
+        assert!(news.is_within(2.0, dvec3(0.2, 1.8, 0.0)) && news.is_within(2.0, dvec3(1.0, 8.0, 1.0)));
+        assert!(!news.is_within(2.0, dvec3(2.3, -0.1, 0.0)) && !news.is_within(2.0, dvec3(0.2, 4.1, 0.0)));
+        assert!(!news.is_within(2.0, dvec3(-4.0, 0.0, 0.0)) && !news.is_within(2.0, dvec3(9.1, 0.0, 3.0)));
     }
 
     #[test]

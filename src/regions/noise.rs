@@ -86,7 +86,7 @@ pub(super) fn zone_of(surface: &Surface, chamfers: &[Half]) -> Vec<Vert> {
 
 /// Fits the regions of the vertices of `zone` again, from all their vertices alike.
 pub(super) fn fit_again(surface: &Surface, fits: &mut VertexFits, zone: &[Vert]) {
-    let Near { verts, normals, interior, .. } = &surface.near;
+    let Near { verts, points, normals, interior, .. } = &surface.near;
     let label = |v: Vert| fits.get(v).filter(|fit| fit.source == FitSource::Region).map(|fit| fit.normal);
     let own = |i: usize| if interior[i] { normals[i] } else { DVec3::ZERO };
     let normals = verts.iter().enumerate().map(|(i, &v)| label(v).unwrap_or(own(i))).collect();
@@ -97,8 +97,10 @@ pub(super) fn fit_again(surface: &Surface, fits: &mut VertexFits, zone: &[Vert])
     type Scratch = (Patch, Vec<Sample>, Fitter);
     explain_those(fits, is_open, |(patch, samples, fitter): &mut Scratch, fits, v| {
         patch.search(surface, &regions, v, 0.0);
+        let origin = surface.mesh.point(v);
         let sample = |member: &Member| {
-            let (offset, normal) = (member.offset / surface.h, regions.normals[member.near as usize]);
+            let i = member.near as usize;
+            let (offset, normal) = ((points[i] - origin) / surface.h, regions.normals[i]);
             (offset.length_squared() <= REACH * REACH).then_some(Sample::new(offset, normal, 1.0))
         };
         samples.clear();
@@ -106,7 +108,7 @@ pub(super) fn fit_again(surface: &Surface, fits: &mut VertexFits, zone: &[Vert])
         if samples.len() < MIN_MEMBERS {
             return None;
         }
-        let (old, new) = (fits.get(v)?, fitter.fit(surface.mesh.point(v), samples, FitSource::Region)?);
+        let (old, new) = (fits.get(v)?, fitter.fit(origin, samples, FitSource::Region)?);
         let is_like = new.normal.dot(old.normal) >= MIN_COSINE
             && (new.displacement - old.displacement).abs() <= MAX_CHANGE;
         let n_members = new.n_members.max(old.n_members);

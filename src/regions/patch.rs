@@ -53,14 +53,13 @@ impl Regions for Surface<'_> {
     }
 }
 
-/// A vertex of a region in the patch, and the way to it from the centre.
+/// A vertex of a region in the patch.
 #[derive(Clone, Copy)]
 pub(super) struct Member {
     /// Its number among the near vertices.
     pub near: u32,
     /// The square of how far it is from the centre, roughly.
     squared: f32,
-    pub offset: DVec3,
 }
 
 /// The members of regions in the patch that are joined within it: one smooth region.
@@ -121,7 +120,7 @@ impl Patch {
         }
         self.doubtful.push(centre);
         let mut next = 0;
-        while !self.is_full() {
+        while self.room() > 0 {
             if let Some(&v) = self.doubtful.get(next) {
                 next += 1;
                 let n_fresh = self.known.pick_others(surface.near.neighbours(v), &mut self.fresh_beside);
@@ -137,8 +136,9 @@ impl Patch {
         sort_within(&mut self.clusters, self.reach);
     }
 
-    fn is_full(&self) -> bool {
-        self.members.len() + self.doubtful.len() >= MAX_MEMBERS
+    /// How many more vertices the patch may have.
+    fn room(&self) -> usize {
+        MAX_MEMBERS - self.members.len() - self.doubtful.len()
     }
 
     /// Takes `v` into the patch, and the region that it is part of, unless it is known or farther away than
@@ -150,7 +150,7 @@ impl Patch {
             return;
         }
         let squared = points[v as usize].distance_squared(points[centre as usize]);
-        if squared > reach || self.is_full() {
+        if squared > reach || self.room() == 0 {
             return;
         }
         self.known.insert(v);
@@ -164,47 +164,48 @@ impl Patch {
     /// Makes a cluster of the members of regions that are joined to `seed` (known already) within reach, and
     /// notes the other vertices beside it.
     fn flood_region(&mut self, surface: &Surface, regions: &impl Regions, centre: u32, seed: u32) {
-        let Near { verts, points, .. } = &surface.near;
-        let (reach, reach_in_region) = (self.reach, self.reach_in_region);
+        let near = &surface.near;
+        let (verts, points) = (&near.verts[..], &near.points[..]);
+        let mut room = self.room();
+        let Self { members, doubtful, seeds, known, fresh, reach, reach_in_region, .. } = self;
         let origin = points[centre as usize];
-        let offset = points[seed as usize] - origin;
-        let first = self.members.len();
+        let squared_to = |i: u32| points[i as usize].distance_squared(origin);
+        let first = members.len();
         let mut next = first;
-        let (mut nearest, mut nearest_squared) = (verts[seed as usize], offset.length_squared());
-        self.members.push(Member { near: seed, squared: nearest_squared as f32, offset });
-        'flood: while let Some(&Member { near, .. }) = self.members.get(next) {
-            let n_fresh = self.known.pick_others(surface.near.neighbours(near), &mut self.fresh);
-            for i in 0..n_fresh {
-                let i = self.fresh[i];
-                let offset = points[i as usize] - origin;
-                let squared = offset.length_squared();
+        let (mut nearest, mut nearest_squared) = (verts[seed as usize], squared_to(seed));
+        members.push(Member { near: seed, squared: nearest_squared as f32 });
+        room -= 1;
+        'flood: while let Some(&Member { near: from, .. }) = members.get(next) {
+            let n_fresh = known.pick_others(near.neighbours(from), fresh);
+            for &i in &fresh[..n_fresh] {
+                let squared = squared_to(i);
                 let is_member = regions.is_member(i);
-                if squared > if is_member { reach_in_region } else { reach } {
-                    self.known.insert(i); // Out of reach from wherever else the search comes upon it.
+                if squared > if is_member { *reach_in_region } else { *reach } {
+                    known.insert(i); // Out of reach from wherever else the search comes upon it.
                     continue;
                 }
-                if self.is_full() {
+                if room == 0 {
                     break 'flood;
                 }
-                if is_member && !regions.are_joined(near, i) {
-                    self.seeds.push(i);
+                if is_member && !regions.are_joined(from, i) {
+                    seeds.push(i);
                     continue;
                 }
-                self.known.insert(i);
+                known.insert(i);
+                room -= 1;
                 if is_member {
-                    self.members.push(Member { near: i, squared: squared as f32, offset });
+                    members.push(Member { near: i, squared: squared as f32 });
                     let vert = verts[i as usize];
                     if squared < nearest_squared || squared == nearest_squared && vert < nearest {
                         (nearest, nearest_squared) = (vert, squared);
                     }
                 } else {
-                    self.doubtful.push(i);
+                    doubtful.push(i);
                 }
             }
             next += 1;
         }
-        let members = first..self.members.len();
-        self.clusters.push(Cluster { members, nearest, nearest_squared });
+        self.clusters.push(Cluster { members: first..members.len(), nearest, nearest_squared });
     }
 
     /// The clusters, the nearest first. All of them come within reach.
@@ -319,8 +320,6 @@ pub(super) mod tests {
         patch.search(&surface, &surface, Vert::new(centre), 0.0);
         let members = |cluster: &Cluster| {
             let vertex = |m: &Member| surface.near.verts[m.near as usize];
-            let offset = |m: &Member| mesh.point(vertex(m)) - mesh.point(Vert::new(centre)) == m.offset;
-            assert!(patch.members(cluster).iter().all(offset));
             let mut verts: Vec<_> = patch.members(cluster).iter().map(|m| vertex(m).index()).collect();
             verts.sort_unstable();
             verts
