@@ -107,28 +107,39 @@ pub(super) fn explain_by_exact_sides(surface: &Surface, fits: &mut VertexFits, i
 }
 
 /// The doubtful vertices that are not interior, by their numbers among the near ones, group by group, and where the
-/// groups are: each one a vertex and those next to it which are in no group before.
+/// groups are: each one a vertex and those next to it which are in no group before. Of a vertex and those next to it the
+/// one with the most of them is taken, so that groups are few.
 fn groups(surface: &Surface, fits: &VertexFits) -> (Vec<u32>, Vec<Range<usize>>) {
     let near = &surface.near;
     let has_slot = |&v: &Vert| !surface.interior[v] && fits.slot[v] != u32::MAX;
     let mut is_open: Vec<bool> = near.verts.iter().map(has_slot).collect();
+    let limit = (GROUP_REACH * surface.h).powi(2);
+    let is_close =
+        |i: u32, j: u32| near.points[i as usize].distance_squared(near.points[j as usize]) <= limit;
+    let open_beside = |is_open: &[bool], i: u32, found: &mut Vec<u32>| {
+        let beside = near.neighbours(i).iter().copied();
+        found.extend(beside.filter(|&j| is_open[j as usize] && is_close(i, j)));
+    };
     let (mut verts, mut groups) = (Vec::new(), Vec::new());
-    for first in 0..near.verts.len() as u32 {
-        if !std::mem::replace(&mut is_open[first as usize], false) {
+    let mut beside = Vec::new();
+    for seed in 0..near.verts.len() as u32 {
+        if !is_open[seed as usize] {
             continue;
         }
         let start = verts.len();
+        beside.clear();
+        beside.push(seed);
+        open_beside(&is_open, seed, &mut beside);
+        let size = |&i: &u32| {
+            let n = near.neighbours(i).iter().filter(|&&j| is_open[j as usize] && is_close(i, j)).count();
+            (n, std::cmp::Reverse(i))
+        };
+        let first = beside.iter().copied().max_by_key(size).unwrap_or(seed);
         verts.push(first);
-        let limit = (GROUP_REACH * surface.h).powi(2);
-        for &i in near.neighbours(first) {
-            let squared = near.points[i as usize].distance_squared(near.points[first as usize]);
-            if is_open[i as usize] && squared <= limit {
-                is_open[i as usize] = false;
-                verts.push(i);
-            }
-        }
+        open_beside(&is_open, first, &mut verts);
         // The order round a vertex is that of the faces in the file.
         verts[start + 1..].sort_unstable();
+        verts[start..].iter().for_each(|&i| is_open[i as usize] = false);
         groups.push(start..verts.len());
     }
     (verts, groups)
