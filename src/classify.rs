@@ -20,7 +20,6 @@ mod calm;
 #[cfg(test)]
 mod tests;
 
-use std::cmp::Ordering;
 use std::f64::consts::PI;
 use std::sync::atomic::AtomicU8;
 use std::sync::atomic::Ordering::Relaxed;
@@ -138,13 +137,9 @@ fn smooth_edges(mesh: &Mesh, normals: &PerFace<DVec3>, options: &ClassifyOptions
     // Chords compare as their angles do.
     let largest = if threshold <= PI { (2.0 * (0.5 * threshold).sin()).powi(2) } else { f64::INFINITY };
     let last = step_of(largest);
-    let is_smooth = |(h, step): (usize, u8)| match step.cmp(&last) {
-        _ if step == NO_ANGLE => false,
-        Ordering::Less => true,
-        Ordering::Greater => false,
-        // On the same step: the chord itself tells.
-        Ordering::Equal => chord_squared(mesh, normals, Half::new(h)).is_some_and(|chord| chord < largest),
-    };
+    // On the same step the chord itself tells. An edge without an angle is on a step above all others.
+    let tells = |h: usize| chord_squared(mesh, normals, Half::new(h)).is_some_and(|chord| chord < largest);
+    let is_smooth = |(h, step): (usize, u8)| step < last || step == last && tells(h);
     let smooth: Vec<bool> = steps.into_par_iter().enumerate().map(is_smooth).collect();
     (threshold, smooth.into())
 }
@@ -162,7 +157,7 @@ fn mean_angle_and_steps(mesh: &Mesh, normals: &PerFace<DVec3>, folds_count: bool
         let mut angles = Angles::default();
         for &h in edges.iter() {
             let Some(twin) = mesh.twin(h) else { continue };
-            let Some([n, m]) = normals_beside(mesh, normals, h) else { continue };
+            let Some([n, m]) = normals_of(normals, [h, twin]) else { continue };
             let chord = n.distance_squared(m);
             [h, twin].iter().for_each(|half| steps[half.index()].store(step_of(chord), Relaxed));
             angles.add(angle_of_chord(chord, || angle_between(n, m)));
@@ -243,7 +238,13 @@ fn chord_squared(mesh: &Mesh, normals: &PerFace<DVec3>, h: Half) -> Option<f64> 
 /// The normals of the two faces of an edge, if it has two and both have one.
 #[inline]
 fn normals_beside(mesh: &Mesh, normals: &PerFace<DVec3>, h: Half) -> Option<[DVec3; 2]> {
-    let (n, m) = (normals[h.face()], normals[mesh.twin(h)?.face()]);
+    normals_of(normals, [h, mesh.twin(h)?])
+}
+
+/// The normals of the faces of two half-edges, if both have one.
+#[inline]
+fn normals_of(normals: &PerFace<DVec3>, halves: [Half; 2]) -> Option<[DVec3; 2]> {
+    let [n, m] = halves.map(|h| normals[h.face()]);
     (n != DVec3::ZERO && m != DVec3::ZERO).then_some([n, m])
 }
 
@@ -254,8 +255,11 @@ fn per_vertex(mesh: &Mesh, value: impl Fn(Vert) -> bool + Send + Sync) -> PerVer
 /// Paints red each vertex whose edges are all smooth. A vertex without edges stays gray.
 fn filter_1_interior_of_smooth_region(mesh: &Mesh, border_is_smooth: bool, labels: &mut Labels) {
     let smooth = &labels.smooth_edge;
-    let stops = |&h: &Half| !(smooth[h] || border_is_smooth && mesh.is_border(h));
-    let stops: Vec<Half> = (0..mesh.n_halves()).into_par_iter().map(Half::new).filter(stops).collect();
+    let stops = |(h, &is_smooth): (usize, &bool)| {
+        let h = (!is_smooth).then(|| Half::new(h))?;
+        (!border_is_smooth || !mesh.is_border(h)).then_some(h)
+    };
+    let stops: Vec<Half> = smooth.as_slice().par_iter().enumerate().filter_map(stops).collect();
     labels.interior_vertex = per_vertex(mesh, |v| !mesh.leaving(v).is_empty());
     for h in stops {
         labels.interior_vertex[mesh.from(h)] = false;

@@ -59,6 +59,38 @@ fn arc_tangent(t: f64) -> f64 {
     base + (t + t * z * horner(&P) / horner(&Q))
 }
 
+/// The angle between two vectors, in `[0, π]`, faster than [`angle_between`] and for weights only: to within 5e-13, but
+/// 1.5e-8 near 0 and π, where the cosine tells no more. A number for whatever vectors, also for those of no length.
+///
+/// Based on: the form of Abramowitz and Stegun, 4.4.46. Differs: fourteen terms, the first exact, so that acute and
+/// obtuse angles meet; the others interpolate at the Chebyshev nodes. Eight terms (1e-8) break twice as many ties between
+/// triangles otherwise.
+#[inline]
+#[must_use]
+pub(crate) fn angle_as_weight(a: DVec3, b: DVec3) -> f64 {
+    const SERIES: [f64; 14] = [
+        FRAC_PI_2,
+        -0.214_601_836_600_713_6,
+        0.089_048_621_925_203_1,
+        -0.050_792_779_206_589_9,
+        0.033_680_490_923_937_8,
+        -0.024_364_896_446_506_6,
+        0.018_604_719_962_719_9,
+        -0.014_568_867_093_157_1,
+        0.011_188_162_312_822_1,
+        -0.007_842_858_442_027_9,
+        0.004_567_423_056_171_4,
+        -0.001_976_926_258_537_4,
+        0.000_547_304_760_469,
+        -0.000_071_323_316_574_8,
+    ];
+    let cosine = a.dot(b) / (a.length_squared() * b.length_squared()).sqrt();
+    // Not above 1 by rounding; and 1 where there is no cosine.
+    let x = cosine.abs().min(1.0);
+    let acute = (1.0 - x).sqrt() * SERIES.iter().rev().fold(0.0, |sum, c| sum * x + c);
+    if cosine < 0.0 { PI - acute } else { acute }
+}
+
 /// [`angle_between`] of unit vectors: below 15 degrees by a series, several times as fast.
 #[inline]
 #[must_use]
@@ -201,6 +233,26 @@ mod tests {
         assert_eq!(angle_between(DVec3::ZERO, DVec3::X), 0.0);
         assert_eq!(angle_between(DVec3::X, DVec3::Y), FRAC_PI_2);
         assert!(angle_between(DVec3::X, DVec3::NAN).is_nan());
+    }
+
+    #[test]
+    fn weights_are_angles_and_numbers_for_all_vectors() {
+        for i in 0..=36_000 {
+            let angle = f64::from(i) / 36_000.0 * PI;
+            let (sine, cosine) = angle.sin_cos();
+            let weight = angle_as_weight(DVec3::X * 3.0, dvec3(0.2 * cosine, 0.0, -0.2 * sine));
+            let epsilon = if sine < 5e-4 { 1.5e-8 } else { 5e-13 };
+            assert_relative_eq!(weight, angle, epsilon = epsilon, max_relative = 0.0);
+        }
+        // Acute and obtuse angles meet.
+        let beside = [1e-17, -1e-17].map(|x| angle_as_weight(DVec3::X, dvec3(x, 1.0, 0.0)));
+        assert_eq!(beside, [FRAC_PI_2; 2]);
+        for v in [DVec3::ZERO, DVec3::X, 1e300 * DVec3::ONE, DVec3::INFINITY, DVec3::NAN] {
+            let weight = angle_as_weight(v, dvec3(1e-300, 2.0, 0.0));
+            assert!((0.0..=PI).contains(&weight), "{v:?}: {weight}");
+        }
+        let v = dvec3(1.0 / 3.0, 1.0 / 7.0, 1.0 / 11.0);
+        assert!(angle_as_weight(v, 3.0 * v) <= 1.5e-8 && angle_as_weight(v, -3.0 * v) >= PI - 1.5e-8);
     }
 
     #[test]

@@ -182,15 +182,20 @@ fn count(bytes: &[u8]) -> Counts {
     if memchr::memchr2(b'\r', b'\\', bytes).is_some() {
         return count_carefully(bytes);
     }
-    // Each line is a statement, and a statement at most one line.
+    // Each line is a statement, and a statement at most one line. Nearly all begin with a letter and a blank.
+    let kind_of = |line: &[u8]| match line {
+        [b'v', b' ', ..] => Kind::Vertex,
+        [b'f', b' ', ..] => Kind::Face,
+        _ => kind(&mut Cursor::new(line, 0)),
+    };
     let mut counts = Counts::default();
     let mut start = 0;
     for end in memchr::memchr_iter(b'\n', bytes) {
-        counts.note(kind(&mut Cursor::new(&bytes[start..end], 0)));
+        counts.note(kind_of(&bytes[start..end]));
         counts.lines += 1;
         start = end + 1;
     }
-    counts.note(kind(&mut Cursor::new(&bytes[start..], 0)));
+    counts.note(kind_of(&bytes[start..]));
     counts
 }
 

@@ -281,7 +281,8 @@ pub(super) fn plain_decimal(bytes: &[u8]) -> Option<(f64, usize)> {
     if n_whole == 0 || goes_on {
         return None;
     }
-    let value = digits as f64 / POWERS[n_decimals] as f64;
+    // Both are below 2^63: one instruction makes a float of a signed number, several of an unsigned one.
+    let value = digits.cast_signed() as f64 / POWERS[n_decimals].cast_signed() as f64;
     Some((if sign == 1 { -value } else { value }, at))
 }
 

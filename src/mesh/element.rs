@@ -111,7 +111,9 @@ impl Half {
     #[inline]
     #[must_use]
     pub fn next(self) -> Self {
-        Self(if self.0 % 3 == 2 { self.0 - 2 } else { self.0 + 1 })
+        // Whether a number is a multiple is told without the remainder.
+        let next = self.0 + 1;
+        Self(if next.is_multiple_of(3) { next - 3 } else { next })
     }
 
     /// The previous half-edge of the same face.

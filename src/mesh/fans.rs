@@ -20,7 +20,7 @@ impl Fans {
         let part = n_verts.div_ceil(rayon::current_num_threads()).max(CHUNK);
         let mut starts = vec![0u32; n_verts + 1];
         starts[1..].par_chunks_mut(part).enumerate().for_each(|(i, counts)| {
-            for v in faces.iter().flatten() {
+            for v in faces.as_flattened() {
                 if let Some(count) = counts.get_mut(v.index().wrapping_sub(i * part)) {
                     *count += 1;
                 }
@@ -41,9 +41,9 @@ impl Fans {
         parts.into_par_iter().for_each(|(first, bounds, own)| {
             let mut next: Vec<u32> =
                 bounds[..bounds.len() - 1].iter().map(|start| start - bounds[0]).collect();
-            for (h, v) in faces.iter().flatten().enumerate() {
+            for (h, v) in (0..).zip(faces.as_flattened()) {
                 if let Some(slot) = next.get_mut(v.index().wrapping_sub(first)) {
-                    own[*slot as usize] = Half(h as u32);
+                    own[*slot as usize] = Half(h);
                     *slot += 1;
                 }
             }

@@ -31,13 +31,16 @@ pub(super) struct Twins {
 
 /// Pairs each half-edge with the one that runs the other way, where these two are alone on their edge.
 ///
-/// The faces at a vertex hold both half-edges of all its edges, so each vertex finds the twins of the
-/// half-edges that leave it, without hashing and in parallel. A vertex with very many edges sorts them.
+/// The faces at a vertex hold both half-edges of all its edges, so the lower end of each edge pairs them, without
+/// hashing and in parallel. A vertex with very many edges sorts them.
 pub(super) fn pair_twins(faces: &[[Vert; 3]], fans: &Fans) -> Twins {
-    // Each entry is written once, at the vertex that its half-edge leaves.
+    // Each entry is written once at most, at the lower end of its edge.
     let twins: Vec<AtomicU32> =
         (0..3 * faces.len()).into_par_iter().map(|_| AtomicU32::new(Half::NONE.0)).collect();
-    let set = |h: Half, twin: Half| twins[h.index()].store(twin.0, Ordering::Relaxed);
+    let set = |h: Half, twin: Half| {
+        twins[h.index()].store(twin.0, Ordering::Relaxed);
+        twins[twin.index()].store(h.0, Ordering::Relaxed);
+    };
     let n_verts = fans.n_verts();
     let defects = (0..n_verts.div_ceil(CHUNK))
         .into_par_iter()
@@ -64,8 +67,8 @@ pub(super) fn pair_twins(faces: &[[Vert; 3]], fans: &Fans) -> Twins {
     Twins { of: of.into(), n_borders, defects }
 }
 
-/// Finds the twins of the at most `N` half-edges `leaving` `v`. None, and nothing set, when one of the faces is
-/// collapsed or one of the edges irregular.
+/// Pairs the half-edges of those edges that have `v` as their lower end, given the at most `N` half-edges `leaving` it.
+/// None, and nothing set, when one of the faces is collapsed or one of these edges is not regular.
 #[inline]
 fn pair_few<const N: usize>(
     faces: &[[Vert; 3]],
@@ -73,35 +76,43 @@ fn pair_few<const N: usize>(
     leaving: &[Half],
     set: impl Fn(Half, Half),
 ) -> Option<()> {
-    const NEXT: [usize; 3] = [1, 2, 0];
-    let (mut to, mut from, mut before) = ([Vert::NONE; N], [Vert::NONE; N], [Half::NONE; N]);
-    for (i, &h) in leaving.iter().enumerate() {
-        let (face, next) = (h.face(), NEXT[h.corner()]);
-        let corners = &faces[face.index()];
-        (to[i], from[i], before[i]) = (corners[next], corners[NEXT[next]], face.half(NEXT[next]));
-        if to[i] == v || from[i] == v || to[i] == from[i] {
+    let from_of = |h: Half| faces.as_flattened()[h.index()];
+    // The half-edges to higher vertices and from them, and these vertices. Without a branch: no processor guesses
+    // which vertex is higher.
+    let (mut to, mut out, mut n_out) = ([Vert::NONE; N], [Half::NONE; N], 0);
+    let (mut from, mut back, mut n_back) = ([Vert::NONE; N], [Half::NONE; N], 0);
+    for &h in leaving {
+        let (w, before) = (from_of(h.next()), h.prev());
+        let u = from_of(before);
+        if w == v || u == v || w == u {
             return None;
         }
+        (to[n_out], out[n_out]) = (w, h);
+        n_out += usize::from(w > v);
+        (from[n_back], back[n_back]) = (u, before);
+        n_back += usize::from(u > v);
+    }
+    if n_out != n_back {
+        return None;
     }
     let (mut twins, mut taken) = ([Half::NONE; N], 0);
-    for (&w, twin) in to.iter().zip(&mut twins).take(leaving.len()) {
-        // A bit for each place of `w`, without a branch, so that several are compared at a time.
-        let places = |verts: &[Vert; N]| (0..N).fold(0u32, |bits, i| bits | u32::from(verts[i] == w) << i);
-        let found = places(&from);
-        if found.is_power_of_two() && taken & found == 0 {
-            // If `w` is twice in `to`, the second one finds the same place.
-            taken |= found;
-            *twin = before[found.trailing_zeros() as usize];
-        } else if found != 0 || !places(&to).is_power_of_two() {
+    for (&w, twin) in to.iter().zip(&mut twins).take(n_out) {
+        // A bit for each place of `w`, without a branch, so that all are compared at a time; from the second bit on, as
+        // a shift by nothing is not done along with the others. Behind the first `n_back` is no higher vertex.
+        let found = (0..N).fold(0u32, |bits, i| bits | if from[i] == w { 2 << i } else { 0 });
+        // If `w` is twice in `to`, the second one finds the same place.
+        if !found.is_power_of_two() || taken & found != 0 {
             return None;
         }
+        taken |= found;
+        *twin = back[found.trailing_zeros() as usize - 1];
     }
-    leaving.iter().zip(twins).for_each(|(&h, twin)| set(h, twin));
+    out.into_iter().zip(twins).take(n_out).for_each(|(h, twin)| set(h, twin));
     Some(())
 }
 
-/// Finds the twins of the half-edges `leaving` `v`, whatever their faces are, and counts what is irregular.
-/// An irregular edge counts at its lower vertex, unless no half-edge of it leaves that one.
+/// Pairs the half-edges of those edges that have `v` as their lower end, whatever the faces at `v` are, and counts
+/// what is irregular.
 fn pair_many(
     faces: &[[Vert; 3]],
     v: Vert,
@@ -118,18 +129,16 @@ fn pair_many(
             defects.collapsed_faces += usize::from(h.corner() == 0);
             continue;
         }
-        spokes.push((corners[h.next().corner()], false, h));
-        spokes.push((corners[h.prev().corner()], true, h.prev()));
+        let both = [(corners[h.next().corner()], false, h), (corners[h.prev().corner()], true, h.prev())];
+        spokes.extend(both.into_iter().filter(|spoke| v < spoke.0));
     }
     spokes.sort_unstable();
     for edge in spokes.chunk_by(|x, y| x.0 == y.0) {
-        let n_leaving = edge.iter().filter(|spoke| !spoke.1).count();
-        let is_mine = n_leaving > 0 && (v < edge[0].0 || n_leaving == edge.len());
         match *edge {
             [_] => {}
             [(_, false, h), (_, true, twin)] => set(h, twin),
-            [_, _] => defects.misoriented_edges += usize::from(is_mine),
-            _ => defects.non_manifold_edges += usize::from(is_mine),
+            [_, _] => defects.misoriented_edges += 1,
+            _ => defects.non_manifold_edges += 1,
         }
     }
 }

@@ -12,7 +12,7 @@ use rayon::prelude::*;
 
 use super::near::Near;
 use crate::classify::{CALM_ANGLE, Labels, core_faces, flood_over_smooth_edges};
-use crate::geometry::angle_between;
+use crate::geometry::angle_as_weight;
 use crate::mesh::{Face, Half, Mesh, PerFace, PerVert, Vert};
 
 /// A smooth region with fewer interior vertices than this is none: on marching-cubes meshes they are
@@ -93,8 +93,10 @@ fn vertex_normal(
     v: Vert,
     counts: impl Fn(Face) -> bool,
 ) -> DVec3 {
+    let apex = mesh.point(v);
+    let angle = |h: Half| angle_as_weight(mesh.point(mesh.to(h)) - apex, mesh.point(mesh.opposite(h)) - apex);
     let faces = mesh.leaving(v).iter().filter(|h| counts(h.face()));
-    let sum: DVec3 = faces.map(|&h| corner_angle(mesh, h) * face_normals[h.face()]).sum();
+    let sum: DVec3 = faces.map(|&h| angle(h) * face_normals[h.face()]).sum();
     let length = sum.length();
     // Unit normals times angles: a sum of rounding errors only has no direction.
     if length > 1e-12 { sum / length } else { DVec3::ZERO }
@@ -231,13 +233,6 @@ fn mean_edge_length(mesh: &Mesh) -> f64 {
         .collect();
     let (sum, n) = chunks.into_iter().fold((0.0, 0), |(s, n), (t, m)| (s + t, n + m));
     if n == 0 { 0.0 } else { sum / n as f64 }
-}
-
-/// The angle of the face of `h` at the corner that it leaves, in radians; what a face without area has does
-/// not matter.
-fn corner_angle(mesh: &Mesh, h: Half) -> f64 {
-    let apex = mesh.point(mesh.from(h));
-    angle_between(mesh.point(mesh.to(h)) - apex, mesh.point(mesh.opposite(h)) - apex)
 }
 
 #[cfg(test)]

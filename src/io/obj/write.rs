@@ -286,18 +286,31 @@ impl Faces<'_> {
 fn push_triangle(out: &mut Vec<u8>, face: &[Vert; 3]) {
     /// Room for three numbers of ten digits, and what stands round them.
     const LONGEST: usize = 3 * 11 + 2;
+    /// 00 to 99.
+    const PAIRS: [[u8; 2]; 100] = {
+        let mut pairs = [[b'0'; 2]; 100];
+        let mut i = 0;
+        while i < 100 {
+            pairs[i] = [b'0' + i as u8 / 10, b'0' + i as u8 % 10];
+            i += 1;
+        }
+        pairs
+    };
     let mut line = [b' '; LONGEST];
     line[LONGEST - 1] = b'\n';
     let mut at = LONGEST - 1;
     for v in face.iter().rev() {
         let mut number = v.index() + 1;
         while number >= 10 {
-            at -= 1;
-            line[at] = b'0' + (number % 10) as u8;
-            number /= 10;
+            at -= 2;
+            line[at..at + 2].copy_from_slice(&PAIRS[number % 100]);
+            number /= 100;
         }
-        line[at - 1] = b'0' + number as u8;
-        at -= 2; // Over the digit and the blank before it.
+        if number > 0 {
+            at -= 1;
+            line[at] = b'0' + number as u8;
+        }
+        at -= 1; // Over the blank before it.
     }
     line[at - 1] = b'f';
     out.extend_from_slice(&line[at - 1..]);
