@@ -258,18 +258,24 @@ impl<'z, 'c, 'm> Zone<'z, 'c, 'm> {
     }
 
     fn bad_faces(&mut self) -> Vec<Face> {
-        let energy = |(&f, known): (&Face, &Option<Energy>)| {
-            self.edit.stands(f).then(|| known.unwrap_or_else(|| self.energy_of(self.edit.triangle(f), f)))
-        };
-        self.energy = self.faces.par_iter().zip(&self.energy).map(energy).collect();
+        let mut energy = std::mem::take(&mut self.energy);
+        let unknown = self.faces.par_iter().zip(&mut energy).filter(|(_, energy)| energy.is_none());
+        let standing = unknown.filter(|&(&f, _)| self.edit.stands(f));
+        standing.for_each(|(&f, energy)| *energy = Some(self.energy_of(self.edit.triangle(f), f)));
+        self.energy = energy;
         let is_bad = |energy: &Option<Energy>| energy.is_some_and(|energy| self.value(energy) > 0.0);
-        self.faces.iter().zip(&self.energy).filter(|(_, energy)| is_bad(energy)).map(|(&f, _)| f).collect()
+        let bad = self.faces.iter().zip(&self.energy).filter(|(_, energy)| is_bad(energy));
+        bad.map(|(&f, _)| f).filter(|&f| self.edit.stands(f)).collect()
     }
 
     /// Collapses the shortest edges first: along a crease either way, whichever is better; an old vertex
     /// only into the crease.
     fn collapse_short_edges(&mut self, counts: &mut UntangleCounts) {
         let limit = (SHORT_EDGE * self.context.mean_edge).powi(2);
+        let has_short_side = |&&f: &&Face| {
+            let [a, b, c] = self.edit.triangle(f);
+            [(a, b), (b, c), (c, a)].into_iter().any(|(p, q)| p.distance_squared(q) < limit)
+        };
         let short_side = |t: [Vert; 3], i: usize| {
             let (a, b) = (t[i].min(t[(i + 1) % 3]), t[i].max(t[(i + 1) % 3]));
             let length = self.length_squared(a, b);
@@ -279,7 +285,8 @@ impl<'z, 'c, 'm> Zone<'z, 'c, 'm> {
         };
         let short_sides =
             |&f: &Face| [0, 1, 2].map(|i| short_side(self.edit.corners(f), i)).into_iter().flatten();
-        let mut short: Vec<(u64, Vert, Vert)> = self.faces.par_iter().flat_map_iter(short_sides).collect();
+        let near = self.faces.par_iter().filter(has_short_side);
+        let mut short: Vec<(u64, Vert, Vert)> = near.flat_map_iter(short_sides).collect();
         short.sort_unstable();
         short.dedup();
         for (_, a, b) in short {
