@@ -25,8 +25,6 @@ use crate::subset::{Ranked, Subset};
 /// Rings of faces round the split ones: at the vertices of split faces, and at the vertices of those. Where edits ask
 /// for a vertex beyond, a wider excerpt is cut.
 pub(crate) const RINGS: usize = 2;
-/// Untangling looks for faces that cut those at the vertices of split faces three rings farther on.
-pub(crate) const UNTANGLING_RINGS: usize = 4;
 
 /// Faces per unit of parallel work.
 const CHUNK: usize = 8192;
@@ -122,6 +120,11 @@ impl<'m> Excerpt<'m> {
     /// The vertex of the excerpt that is old vertex `v` of the whole mesh.
     pub(crate) fn own(&self, v: Vert) -> Option<Vert> {
         self.verts.rank(v).map(Vert::new)
+    }
+
+    /// Where old vertex `v` of the whole mesh is before the edits, which move no old vertex.
+    pub(crate) fn old_point(&self, v: Vert) -> DVec3 {
+        self.inserts.old_point(self.before, v)
     }
 
     /// The vertex of the whole refined mesh that is vertex `v` of the excerpt.

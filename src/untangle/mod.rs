@@ -33,6 +33,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use crate::edit::Edit;
+use crate::excerpt::Excerpt;
 use crate::fit::Fit;
 use crate::mesh::{Face, Mesh, PerFace, PerVert, Vert};
 use crate::refine::Refined;
@@ -81,7 +82,9 @@ pub struct UntangleCounts {
 pub(crate) struct Context<'a> {
     /// The mesh before subdivision.
     pub before: &'a Mesh,
-    /// The mesh after it, or an excerpt of it.
+    /// The excerpt of it that was refined, if it is not all there is.
+    pub excerpt: Option<&'a Excerpt<'a>>,
+    /// The mesh after it, or the excerpt.
     pub refined: &'a Refined,
     /// How many of its vertices are old ones.
     pub n_old: usize,
@@ -377,6 +380,11 @@ impl<'a> Context<'a> {
         best.and_then(|v| self.fits[v])
     }
 
+    /// Where an old vertex of the whole mesh is.
+    fn old_point(&self, v: Vert) -> DVec3 {
+        self.excerpt.map_or_else(|| self.before.point(v), |excerpt| excerpt.old_point(v))
+    }
+
     /// The normal of the input face that `f` lies in.
     fn parent_normal(&self, f: Face) -> Option<DVec3> {
         crate::geometry::unit_normal(self.before.triangle(self.refined.lineage.parents[f]))
@@ -390,6 +398,7 @@ impl<'a> Context<'a> {
     fn plain(before: &'a Mesh, refined: &'a Refined, fit: Option<&'a Fit>) -> Self {
         Self {
             before,
+            excerpt: None,
             refined,
             n_old: before.n_verts(),
             fits: PerVert::filled(before.n_verts(), fit),
