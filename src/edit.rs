@@ -144,6 +144,13 @@ impl<'m> Edit<'m> {
         (0..3).any(|i| t[i] == a && t[(i + 1) % 3] == b)
     }
 
+    /// The corner of `f` after `v`.
+    fn after(&self, f: Face, v: Vert) -> Vert {
+        let t = self.faces[f];
+        let i = t.iter().position(|&w| w == v).unwrap_or(0);
+        t[(i + 1) % 3]
+    }
+
     /// Whether some face has both `a` and `b` as corners.
     pub(crate) fn are_neighbours(&self, a: Vert, b: Vert) -> bool {
         self.faces_with(a, b).next().is_some()
@@ -236,14 +243,19 @@ impl<'m> Edit<'m> {
         if opposite[0] == opposite[1] || !opposite.iter().all(|&v| self.has_four_neighbours(v)) {
             return None;
         }
-        let (link, kept_link) = (self.link(gone), self.link(kept));
-        let common = link.iter().filter(|v| kept_link.binary_search(v).is_ok()).count();
+        if !self.is_surrounded(gone) {
+            return None;
+        }
+        // Each neighbour comes right after `gone` in one of the two faces with both.
+        let neighbours = self.faces_at(gone).iter().map(|&f| self.after(f, gone));
+        let others = neighbours.filter(|&v| v != gone && v != kept);
+        let n_common = others.filter(|&v| self.are_neighbours(kept, v)).count();
         let moved = |&f: &Face| self.faces[f].map(|v| if v == gone { kept } else { v });
         let turns = || {
             let others = self.faces_at(gone).iter().filter(|f| !beside.contains(f));
             others.map(moved).any(|t| self.is_turned(t))
         };
-        (common == 2 && self.is_surrounded(gone) && !turns()).then_some(beside)
+        (n_common == 2 && !turns()).then_some(beside)
     }
 
     /// Removes `gone` and the two faces beside `gone`-`kept`, which [`collapsible`](Self::collapsible)

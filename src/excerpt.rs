@@ -18,15 +18,13 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use crate::edit::Edited;
-use crate::mesh::{Element, Face, Half, Mesh, PerVert, Vert};
+use crate::mesh::{Face, Half, Mesh, PerVert, Vert};
 use crate::refine::{Inserts, Lineage, Place, Refined, Split};
 use crate::subset::{Ranked, Subset};
 
 /// Rings of faces round the split ones: at the vertices of split faces, and at the vertices of those. Where edits ask
 /// for a vertex beyond, a wider excerpt is cut.
 pub(crate) const RINGS: usize = 2;
-/// Untangling looks for faces that cut those at the vertices of split faces three rings farther on.
-pub(crate) const UNTANGLING_RINGS: usize = 4;
 
 /// Faces per unit of parallel work.
 const CHUNK: usize = 8192;
@@ -87,14 +85,20 @@ impl<'m> Excerpt<'m> {
         let (n_verts, n_faces) = (before.n_verts(), before.n_faces());
         let mut faces = Subset::of(n_faces, split.faces.iter().copied());
         let mut verts = Subset::of(n_verts, []);
-        let mut ring = add(&mut verts, split.faces.par_iter().flat_map_iter(|&f| before.corners(f)));
-        ring.extend(tips.iter().copied().filter(|&v| verts.insert(v)));
+        let corners = split.faces.iter().flat_map(|&f| before.corners(f));
+        let mut ring: Vec<Vert> = corners.chain(tips.iter().copied()).filter(|&v| verts.insert(v)).collect();
         let mut whole = Subset::of(n_verts, []);
         for _ in 0..rings {
             whole = verts.clone();
-            let around = |&v: &Vert| before.leaving(v).iter().map(|h| h.face());
-            let new = add(&mut faces, ring.par_iter().flat_map_iter(around));
-            ring = add(&mut verts, new.par_iter().flat_map_iter(|&f| before.corners(f)));
+            let mut next = Vec::new();
+            for &v in &ring {
+                for f in before.leaving(v).iter().map(|h| h.face()) {
+                    if faces.insert(f) {
+                        next.extend(before.corners(f).into_iter().filter(|&w| verts.insert(w)));
+                    }
+                }
+            }
+            ring = next;
         }
         let (faces, verts) = (faces.iter().collect::<Vec<_>>(), verts.ranked());
         let refined = refine_excerpt(before, inserts, split, &faces, &verts);
@@ -116,6 +120,11 @@ impl<'m> Excerpt<'m> {
     /// The vertex of the excerpt that is old vertex `v` of the whole mesh.
     pub(crate) fn own(&self, v: Vert) -> Option<Vert> {
         self.verts.rank(v).map(Vert::new)
+    }
+
+    /// Where old vertex `v` of the whole mesh is before the edits, which move no old vertex.
+    pub(crate) fn old_point(&self, v: Vert) -> DVec3 {
+        self.inserts.old_point(self.before, v)
     }
 
     /// The vertex of the whole refined mesh that is vertex `v` of the excerpt.
@@ -202,13 +211,6 @@ impl<'m> Excerpt<'m> {
     }
 }
 
-/// Puts elements into a set; those that it did not have come back.
-fn add<I: Element + Send>(set: &mut Subset<I>, elements: impl ParallelIterator<Item = I>) -> Vec<I> {
-    let mut elements: Vec<I> = elements.collect();
-    elements.retain(|&i| set.insert(i));
-    elements
-}
-
 /// Refines the old `faces` of `before`, whose vertices are `verts`.
 fn refine_excerpt(
     before: &Mesh,
@@ -217,7 +219,12 @@ fn refine_excerpt(
     faces: &[Face],
     verts: &Ranked<Vert>,
 ) -> Refined {
-    let mut points: Vec<_> = verts.members().iter().map(|&v| inserts.old_point(before, v)).collect();
+    let mut points: Vec<_> = verts.members().iter().map(|&v| before.point(v)).collect();
+    for &(v, point) in &inserts.moved {
+        if let Some(i) = verts.rank(v) {
+            points[i] = point;
+        }
+    }
     points.extend_from_slice(&inserts.points);
     let own = |v: Vert| match v.index().checked_sub(before.n_verts()) {
         Some(i) => Vert::new(verts.members().len() + i),
@@ -228,7 +235,7 @@ fn refine_excerpt(
         faces.par_chunks(CHUNK).map(|faces| refine_piece(before, split, faces, own)).collect();
     let n_faces = faces.len() + split.children.len() - split.faces.len();
     let (mut corners, mut parents) = (Vec::with_capacity(n_faces), Vec::with_capacity(n_faces));
-    let mut places = Vec::with_capacity(3 * n_faces);
+    let mut places = Vec::with_capacity(n_faces);
     let mut children = Vec::with_capacity(split.children.len());
     for piece in pieces {
         children.extend(piece.children.iter().map(|i| Face::new(corners.len() + i)));
@@ -238,7 +245,11 @@ fn refine_excerpt(
     }
     Refined {
         mesh: Mesh::of_valid_parts(points, corners),
-        lineage: Lineage { parents: parents.into(), corners: places.into(), foreign: Vec::new() },
+        lineage: Lineage {
+            parents: parents.into(),
+            corners: places.into_flattened().into(),
+            foreign: Vec::new(),
+        },
         creases: split.creases.iter().map(|edge| edge.map(own)).collect(),
         middles: split.middles.clone(),
         children,
@@ -246,35 +257,47 @@ fn refine_excerpt(
 }
 
 /// Some refined faces.
-#[derive(Default)]
 struct Piece {
     corners: Vec<[Vert; 3]>,
-    /// Three of each.
-    places: Vec<Place>,
+    places: Vec<[Place; 3]>,
     parents: Vec<Face>,
     /// Which of them are children of split faces.
     children: Vec<usize>,
 }
 
+impl Piece {
+    /// Room for the children of so many faces, of which few are split.
+    fn with_capacity(n_faces: usize) -> Self {
+        let n = 2 * n_faces;
+        let (corners, places) = (Vec::with_capacity(n), Vec::with_capacity(n));
+        Self { corners, places, parents: Vec::with_capacity(n), children: Vec::new() }
+    }
+
+    /// Adds faces that are not split.
+    fn keep(&mut self, before: &Mesh, faces: &[Face], own: impl Fn(Vert) -> Vert) {
+        self.corners.extend(faces.iter().map(|&f| before.corners(f).map(&own)));
+        self.places.extend(faces.iter().map(|_| [0, 1, 2].map(Place::Corner)));
+        self.parents.extend_from_slice(faces);
+    }
+}
+
 /// Refines some `faces`. `own` says which vertex of the excerpt one of the refined mesh is.
 fn refine_piece(before: &Mesh, split: &Split, faces: &[Face], own: impl Fn(Vert) -> Vert) -> Piece {
-    let mut piece = Piece::default();
+    let mut piece = Piece::with_capacity(faces.len());
+    let mut rest = faces;
     let first = faces.first().map_or(0, |f| split.faces.partition_point(|g| g < f));
-    let mut splits = split.faces.iter().enumerate().skip(first).peekable();
-    for &f in faces {
-        let Some((i, _)) = splits.next_if(|&(_, &g)| g == f) else {
-            piece.corners.push(before.corners(f).map(&own));
-            piece.places.extend([0, 1, 2].map(Place::Corner));
-            piece.parents.push(f);
-            continue;
-        };
+    for (i, &f) in split.faces.iter().enumerate().skip(first) {
+        let Some(n_kept) = rest.iter().position(|&g| g == f) else { break };
+        piece.keep(before, &rest[..n_kept], &own);
+        rest = &rest[n_kept + 1..];
         for child in split.children(i) {
             piece.children.push(piece.corners.len());
             piece.corners.push(child.map(|(v, _)| own(v)));
-            piece.places.extend(child.map(|(_, place)| place));
+            piece.places.push(child.map(|(_, place)| place));
             piece.parents.push(f);
         }
     }
+    piece.keep(before, rest, &own);
     piece
 }
 

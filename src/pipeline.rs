@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use crate::classify::{Labels, SmoothThreshold, classify, classify_interior, red_edges};
 use crate::collapse::{CollapseCounts, collapse_degenerate_faces};
 use crate::edit::Edit;
-use crate::excerpt::{Excerpt, Now, RINGS, Rejoined, UNTANGLING_RINGS};
+use crate::excerpt::{Excerpt, Now, RINGS, Rejoined};
 use crate::mesh::{Half, Mesh, MeshError, PerHalf, Vert};
 use crate::options::{Method, Options};
 use crate::place::{Outcome, Placement, place};
@@ -168,7 +168,7 @@ fn clean(
     keeps_lineage: bool,
 ) -> Result<Cleaned, MeshError> {
     let inserts = &chamfers.placement.inserts;
-    let mut rings = if chamfers.regions.is_some() { UNTANGLING_RINGS } else { RINGS };
+    let mut rings = RINGS;
     let apexes = chamfers.regions.as_ref().map_or(&[][..], |regions| &regions.apexes);
     let tips: Vec<Vert> = apexes.iter().map(|apex| apex.vertex).collect();
     let rejoined = loop {
@@ -217,6 +217,7 @@ fn untangle_excerpt(
     let chamfer_ends = Subset::of(mesh.n_verts(), ends);
     let context = Context {
         before: mesh,
+        excerpt: Some(excerpt),
         refined: &excerpt.refined,
         n_old: excerpt.n_old(),
         fits: excerpt.old_verts().par_iter().map(|&v| regions.fits.get(v)).collect::<Vec<_>>().into(),

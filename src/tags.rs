@@ -63,30 +63,27 @@ impl Tags {
     /// edge without an angle (a border, a face without area) keeps its tag.
     #[must_use]
     pub fn where_bent(mesh: &Mesh, candidates: impl IntoIterator<Item = [Vert; 2]>) -> Self {
-        let candidates = Self::new(candidates, []);
-        let is_end = Subset::of(mesh.n_verts(), candidates.tagged.iter().copied());
+        let candidates = in_order(candidates.into_iter().collect());
+        let is_end = Subset::of(mesh.n_verts(), candidates.iter().flatten().copied());
         // One pass over the faces finds those beside each candidate, without the mesh's twins.
-        let is_candidate = |edge: &[Vert; 2]| {
-            edge.iter().all(|&v| is_end.contains(v)) && candidates.sharp.binary_search(edge).is_ok()
+        let has_edge_between_ends = |(_, corners): &(usize, &[Vert; 3])| {
+            corners.iter().map(|&v| usize::from(is_end.contains(v))).sum::<usize>() >= 2
         };
-        let candidates_of = |f: Face| {
-            let edges = f.halves().map(|h| [mesh.from(h).min(mesh.to(h)), mesh.from(h).max(mesh.to(h))]);
-            edges.into_iter().filter(is_candidate).map(move |edge| (edge, f))
+        let candidates_of = |(f, &[a, b, c]): (usize, &[Vert; 3])| {
+            let edges = [[a, b], [b, c], [c, a]].map(|[v, w]| [v.min(w), v.max(w)]);
+            let edges = edges.into_iter().filter(|edge| edge.iter().all(|&v| is_end.contains(v)));
+            let number = |edge: [Vert; 2]| candidates.binary_search(&edge).ok();
+            edges.filter_map(number).map(move |i| (i, Face::new(f)))
         };
-        let has_end = |f: &Face| mesh.corners(*f).into_iter().any(|v| is_end.contains(v));
-        let near = (0..mesh.n_faces()).into_par_iter().map(Face::new).filter(has_end);
-        let mut beside: Vec<([Vert; 2], Face)> = near.flat_map_iter(candidates_of).collect();
-        beside.par_sort_unstable();
-        let normal = |f: Face| unit_normal(mesh.triangle(f));
-        let bends = |edge: &&[([Vert; 2], Face)]| match **edge {
-            [(_, f), (_, g)] => match (normal(f), normal(g)) {
-                (Some(n), Some(m)) => angle_between(n, m) >= MIN_SHARP_ANGLE,
-                _ => true,
-            },
-            _ => true,
-        };
-        let sharp = beside.chunk_by(|a, b| a.0 == b.0).filter(bends).map(|edge| edge[0].0);
-        Self::new(sharp, [])
+        let faces = mesh.faces().par_iter().enumerate().filter(has_edge_between_ends);
+        let pairs: Vec<(usize, Face)> = faces.flat_map_iter(candidates_of).collect();
+        let mut beside = vec![Beside::NONE; candidates.len()];
+        pairs.into_iter().for_each(|(i, f)| beside[i].add(f));
+        let bends = |beside: &Beside| beside.angle(mesh).is_none_or(|angle| angle >= MIN_SHARP_ANGLE);
+        let is_sharp = |(_, beside): &(&[Vert; 2], &Beside)| beside.n > 0 && bends(beside);
+        let sharp: Vec<_> = candidates.iter().zip(&beside).filter(is_sharp).map(|(&edge, _)| edge).collect();
+        let tagged = Subset::of(mesh.n_verts(), sharp.iter().flatten().copied());
+        Self { tagged: tagged.iter().collect(), sharp }
     }
 
     /// The sharp edges, lower vertex first, ascending.
@@ -127,6 +124,33 @@ impl Tags {
         let mut directed: Vec<_> = self.sharp.iter().flat_map(|&[a, b]| [[a, b], [b, a]]).collect();
         directed.sort_unstable();
         directed
+    }
+}
+
+/// The faces beside an edge: how many, and the first two.
+#[derive(Clone, Copy)]
+struct Beside {
+    n: usize,
+    faces: [Face; 2],
+}
+
+impl Beside {
+    const NONE: Self = Self { n: 0, faces: [Face::NONE; 2] };
+
+    fn add(&mut self, f: Face) {
+        if let Some(slot) = self.faces.get_mut(self.n) {
+            *slot = f;
+        }
+        self.n += 1;
+    }
+
+    /// The dihedral angle of the edge, if it has two faces and both have an area.
+    fn angle(&self, mesh: &Mesh) -> Option<f64> {
+        if self.n != 2 {
+            return None;
+        }
+        let [n, m] = self.faces.map(|f| unit_normal(mesh.triangle(f)));
+        Some(angle_between(n?, m?))
     }
 }
 

@@ -58,7 +58,7 @@ impl Edit<'_> {
         let mut foreign = Vec::new();
         let piece = |first: usize| {
             let range = first..n_faces.min(first + CHUNK);
-            let mut piece = self.finish_piece(range.clone());
+            let mut piece = self.finish_piece(range.clone(), &now);
             if keeps_lineage {
                 self.place_corners(range, &mut piece, before, inserts, &whole);
             }
@@ -67,7 +67,7 @@ impl Edit<'_> {
         let pieces: Vec<Piece> = (0..n_faces).into_par_iter().step_by(CHUNK).map(piece).collect();
         for piece in pieces {
             foreign.extend(piece.foreign.iter().map(|&(i, weights)| (Half::new(places.len() + i), weights)));
-            faces.extend(piece.faces.iter().map(|corners| corners.map(|v| now[v])));
+            faces.extend(piece.faces);
             parents.extend(piece.parents);
             places.extend(piece.places);
         }
@@ -77,14 +77,14 @@ impl Edit<'_> {
         Ok(Edited { mesh, lineage, now, replaced })
     }
 
-    /// What is left of some of the faces, without the places of their corners.
-    fn finish_piece(&self, range: Range<usize>) -> Piece {
+    /// What is left of some of the faces, with the vertices that are `now` their corners but not their places.
+    fn finish_piece(&self, range: Range<usize>, now: &PerVert<Vert>) -> Piece {
         let (n, mut piece) = (range.len(), Piece::default());
         (piece.faces, piece.parents) = (Vec::with_capacity(n), Vec::with_capacity(n));
         let (faces, parents) =
             (&self.faces.as_slice()[range.clone()], &self.refined.lineage.parents.as_slice()[range]);
         for (&corners, &parent) in faces.iter().zip(parents).filter(|(corners, _)| **corners != DEAD) {
-            piece.faces.push(corners);
+            piece.faces.push(corners.map(|v| now[v]));
             piece.parents.push(parent);
         }
         piece

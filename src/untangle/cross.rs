@@ -15,6 +15,14 @@ const MAX_FAN: usize = 64;
 /// Shares of the way back to the middle that are tried.
 const SHARES: [f64; 4] = [0.25, 0.5, 0.75, 1.0];
 
+/// A vertex or face near the zone. The excerpt ends before what a face may cut: a vertex of which it does not have all
+/// faces, what lies beyond, and the faces there are those of the mesh before, as no edit gets so far.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+enum Near<I> {
+    Edited(I),
+    Before(I),
+}
+
 impl Zone<'_, '_, '_> {
     /// Moves inserted vertices of bad faces that cut others, and of those cut, until fewer faces cut each
     /// other.
@@ -24,8 +32,10 @@ impl Zone<'_, '_, '_> {
             if cut.is_empty() {
                 continue;
             }
-            cut.push(f);
-            let mut verts: Vec<Vert> = cut.iter().flat_map(|&f| self.edit.corners(f)).collect();
+            cut.push(Near::Edited(f));
+            // No face from before has an inserted vertex.
+            let edited = cut.iter().filter_map(|&g| if let Near::Edited(g) = g { Some(g) } else { None });
+            let mut verts: Vec<Vert> = edited.flat_map(|f| self.edit.corners(f)).collect();
             verts.retain(|&v| self.edit.is_inserted(v));
             verts.sort_unstable();
             verts.dedup();
@@ -67,39 +77,84 @@ impl Zone<'_, '_, '_> {
     }
 
     /// The faces within reach that `f` cuts, ascending.
-    fn faces_cut_by(&self, f: Face) -> Vec<Face> {
-        let mut near = vec![f];
-        let mut verts: Vec<Vert> = Vec::new();
+    fn faces_cut_by(&self, f: Face) -> Vec<Near<Face>> {
+        let (mut cut, mut faces, mut verts) = (Vec::new(), vec![Near::Edited(f)], Vec::new());
         for _ in 0..RINGS {
-            let known = verts.clone();
-            verts.extend(near.iter().flat_map(|&f| self.edit.corners(f)));
-            verts.sort_unstable();
-            verts.dedup();
-            let new = verts.iter().filter(|v| known.binary_search(v).is_err());
-            near.extend(new.flat_map(|&v| self.edit.faces_at(v).iter().take(MAX_FAN)));
-            near.sort_unstable();
-            near.dedup();
+            // What is not in the ring before is new.
+            verts = without(&verts, faces.iter().flat_map(|&f| self.corners_near(f)));
+            let mut around = Vec::new();
+            verts.iter().for_each(|&v| self.add_faces_near(v, &mut around));
+            faces = without(&faces, around);
+            cut.extend(faces.iter().copied().filter(|&g| self.cut_each_other(f, g)));
         }
-        near.retain(|&g| self.cut_each_other(f, g));
-        near
+        cut.sort_unstable();
+        cut.dedup();
+        cut
+    }
+
+    fn add_faces_near(&self, v: Near<Vert>, faces: &mut Vec<Near<Face>>) {
+        match v {
+            Near::Edited(v) => {
+                let parent = |f: Face| self.context.refined.lineage.parents[f];
+                let is_inside = |f: Face| self.edit.corners(f).into_iter().all(|w| self.is_inside(w));
+                let near = |&f| if is_inside(f) { Near::Edited(f) } else { Near::Before(parent(f)) };
+                faces.extend(self.edit.faces_at(v).iter().take(MAX_FAN).map(near));
+            }
+            Near::Before(v) => {
+                let at_v = self.context.before.leaving(v).chunk_by(|g, h| g.face() == h.face());
+                faces.extend(at_v.take(MAX_FAN).map(|halves| Near::Before(halves[0].face())));
+            }
+        }
+    }
+
+    /// Whether the excerpt has all faces of its vertex `v`.
+    fn is_inside(&self, v: Vert) -> bool {
+        self.context.excerpt.is_none_or(|excerpt| excerpt.is_whole[v])
+    }
+
+    fn corners_near(&self, f: Near<Face>) -> [Near<Vert>; 3] {
+        let own = |v: Vert| self.context.excerpt?.own(v).filter(|&v| self.is_inside(v));
+        match f {
+            Near::Edited(f) => self.edit.corners(f).map(Near::Edited),
+            Near::Before(f) => {
+                self.context.before.corners(f).map(|v| own(v).map_or(Near::Before(v), Near::Edited))
+            }
+        }
+    }
+
+    fn triangle_near(&self, f: Near<Face>) -> [DVec3; 3] {
+        match f {
+            Near::Edited(f) => self.edit.triangle(f),
+            Near::Before(f) => self.context.before.corners(f).map(|v| self.context.old_point(v)),
+        }
     }
 
     /// Whether `f` and `g` cut each other: at a common vertex or edge they only touch.
-    fn cut_each_other(&self, f: Face, g: Face) -> bool {
-        let (t, u) = (self.edit.corners(f), self.edit.corners(g));
-        let n_common = t.iter().filter(|v| u.contains(v)).count();
-        let (p, q) = (self.edit.triangle(f), self.edit.triangle(g));
+    fn cut_each_other(&self, f: Face, g: Near<Face>) -> bool {
+        let [p, q] = [Near::Edited(f), g].map(|f| self.triangle_near(f));
         let low = |t: [DVec3; 3]| t[0].min(t[1]).min(t[2]);
         let high = |t: [DVec3; 3]| t[0].max(t[1]).max(t[2]);
-        if n_common > 1 || high(p).cmplt(low(q)).any() || high(q).cmplt(low(p)).any() {
+        if high(p).cmplt(low(q)).any() || high(q).cmplt(low(p)).any() {
             return false;
         }
-        let pierces = |of: [Vert; 3], by: [Vert; 3], points: [DVec3; 3], target: [DVec3; 3]| {
+        let [t, u] = [Near::Edited(f), g].map(|f| self.corners_near(f));
+        if t.iter().filter(|v| u.contains(v)).count() > 1 {
+            return false;
+        }
+        let pierces = |of: [Near<Vert>; 3], by: [Near<Vert>; 3], points: [DVec3; 3], target: [DVec3; 3]| {
             let is_free = |i: &usize| !by.contains(&of[*i]) && !by.contains(&of[(i + 1) % 3]);
             (0..3).filter(is_free).any(|i| passes_through([points[i], points[(i + 1) % 3]], target))
         };
         pierces(t, u, p, q) || pierces(u, t, q, p)
     }
+}
+
+/// What is not among the `known`, which are ascending: ascending, once each.
+fn without<T: Ord>(known: &[T], all: impl IntoIterator<Item = T>) -> Vec<T> {
+    let mut new: Vec<T> = all.into_iter().filter(|x| known.binary_search(x).is_err()).collect();
+    new.sort_unstable();
+    new.dedup();
+    new
 }
 
 /// Whether the segment passes through the triangle.
@@ -114,9 +169,10 @@ fn passes_through([p, q]: [DVec3; 2], [a, b, c]: [DVec3; 3]) -> bool {
 mod tests {
     use super::*;
     use crate::edit::Edit;
+    use crate::excerpt::Excerpt;
     use crate::mesh::tests::mesh;
     use crate::mesh::{Half, PerVert};
-    use crate::refine::{Inserts, refine};
+    use crate::refine::{Inserts, split};
     use crate::untangle::Context;
     use glam::dvec3;
 
@@ -130,29 +186,46 @@ mod tests {
         assert!(!upright(0.2, 0.2, 0., 1.), "it only touches");
     }
 
-    // A strip along x from 3 to 0 at z = 0, and back at z = 0.2. The new vertex in the middle of the last
-    // square below goes to z = `to`.
-    fn height_after_uncrossing(to: f64) -> (f64, usize) {
-        let columns = [(3., 0.), (2., 0.), (1., 0.), (0., 0.), (0., 0.2), (1., 0.2), (2., 0.2), (3., 0.2)];
-        let points: Vec<[f64; 3]> = columns.iter().flat_map(|&(x, z)| [[x, 0., z], [x, 1., z]]).collect();
+    // A strip along x from 4 to 0 at z = 0, its first square rising from there, and back at z = 0.2. The new vertex in
+    // the middle of the last square below goes to `tip`; the excerpt has so many rings.
+    fn height_after_uncrossing(tip: [f64; 3], rings: usize) -> (f64, usize) {
+        let below = [(4., 0.3), (3., 0.), (2., 0.), (1., 0.), (0., 0.)];
+        let above = [(0., 0.2), (1., 0.2), (2., 0.2), (3., 0.2)];
+        let columns = [&below[..], &above].concat();
+        let mut points: Vec<[f64; 3]> = columns.iter().flat_map(|&(x, z)| [[x, 0., z], [x, 1., z]]).collect();
+        // A corner of the first square was elsewhere.
+        let moved = (Vert::new(3), DVec3::from(std::mem::replace(&mut points[3], [9., 1., 0.])));
         let square = |c: usize| [[2 * c, 2 * c + 2, 2 * c + 3], [2 * c, 2 * c + 3, 2 * c + 1]];
-        let before = mesh(&points, &(0..7).flat_map(square).collect::<Vec<_>>());
-        let diagonal = before.half_between(Vert::new(4), Vert::new(7)).unwrap();
+        let before = mesh(&points, &(0..8).flat_map(square).collect::<Vec<_>>());
+        let diagonal = before.half_between(Vert::new(6), Vert::new(9)).unwrap();
         let is_diagonal = |h: Half| before.edge(h) == before.edge(diagonal);
         let mut inserts = Inserts::in_the_middle(&before, is_diagonal, &[]);
-        inserts.points[0].z = to;
-        let refined = refine(&before, &inserts).unwrap();
-        let context = Context::plain(&before, &refined, None);
-        let is_whole = PerVert::filled(refined.mesh.n_verts(), true);
-        let mut edit = Edit::new(&refined, before.n_verts(), &is_whole);
+        inserts.points[0] = DVec3::from(tip);
+        inserts.moved = vec![moved];
+        let excerpt = Excerpt::new(&before, &inserts, &split(&before, &inserts).unwrap(), &[], rings);
+        let n_old = excerpt.n_old();
+        let plain = Context::plain(&before, &excerpt.refined, None);
+        let context = Context { excerpt: Some(&excerpt), n_old, fits: PerVert::filled(n_old, None), ..plain };
+        let mut edit = Edit::new(&excerpt.refined, n_old, &excerpt.is_whole);
         let mut counts = UntangleCounts::default();
         Zone::new(&context, &mut edit).uncross(&mut counts);
-        (edit.point(Vert::new(16)).z, counts.moved_back)
+        assert!(!edit.is_at_fringe());
+        (edit.point(Vert::new(n_old)).z, counts.moved_back)
     }
 
     #[test]
     fn a_spike_is_pulled_out_of_the_sheet_that_it_cuts() {
-        assert_eq!(height_after_uncrossing(2.0), (0.0, 1), "three quarters of the way are not enough");
-        assert_eq!(height_after_uncrossing(-2.0), (-2.0, 0), "it cuts nothing");
+        let after = |to: f64| height_after_uncrossing([0.5, 0.5, to], 9);
+        assert_eq!(after(2.0), (0.0, 1), "three quarters of the way are not enough");
+        assert_eq!(after(-2.0), (-2.0, 0), "it cuts nothing");
+    }
+
+    #[test]
+    fn what_a_face_cuts_may_lie_beyond_the_excerpt() {
+        // A face at x = 1 cuts the first square, none of whose vertices has all faces in an excerpt of two rings.
+        for rings in [2, 9] {
+            assert_eq!(height_after_uncrossing([4.8, 0.5, 0.15], rings), (0.0, 1));
+            assert_eq!(height_after_uncrossing([2.8, 0.5, 0.15], rings), (0.15, 0), "it cuts nothing");
+        }
     }
 }

@@ -65,7 +65,7 @@ impl Zone<'_, '_, '_> {
     }
 
     /// The corners of those of `faces` that stand, ascending.
-    fn verts_of(&self, faces: &[Face]) -> Vec<Vert> {
+    pub(super) fn verts_of(&self, faces: &[Face]) -> Vec<Vert> {
         let standing = faces.iter().filter(|&&f| self.edit.stands(f));
         let corners = standing.flat_map(|&f| self.edit.corners(f));
         Subset::of(self.is_inner.len(), corners).iter().collect()

@@ -71,16 +71,21 @@ struct Low {
 impl Zone<'_, '_, '_> {
     /// Collapses vertices that lie low over crease edges or fold over them, the lowest first.
     pub(super) fn collapse_low_faces(&mut self, counts: &mut UntangleCounts) {
+        let mut verts: Vec<Vert> = (self.n_old..self.n_old + self.creases.len()).map(Vert::new).collect();
         for _ in 0..ROUNDS {
-            let inserted = (self.n_old..self.n_old + self.creases.len()).into_par_iter().map(Vert::new);
-            let mut low: Vec<Low> = inserted.flat_map_iter(|v| self.low_beside(v)).collect();
+            let mut low: Vec<Low> = verts.par_iter().flat_map_iter(|&v| self.low_beside(v)).collect();
             low.sort_unstable_by(|x, y| x.height.total_cmp(&y.height).then(x.face.cmp(&y.face)));
-            let mut n_collapsed = 0;
+            // The vertices whose faces have changed, and those of faces that stay low.
+            let (mut n_collapsed, mut near) = (0, Vec::new());
             for Low { face, .. } in low {
-                if self.edit.stands(face)
-                    && let Some(Low { height, vert, .. }) = self.low(face)
+                if !self.edit.stands(face) {
+                    continue;
+                }
+                near.extend(self.edit.corners(face));
+                if let Some(Low { height, vert, .. }) = self.low(face)
                     && let Some(kept) = self.best_neighbour(vert, height)
                 {
+                    near.extend(self.edit.link(vert));
                     self.collapse(vert, kept);
                     n_collapsed += 1;
                 }
@@ -89,6 +94,9 @@ impl Zone<'_, '_, '_> {
                 break;
             }
             counts.collapsed += n_collapsed;
+            // No other face can be low now.
+            let faces: Vec<Face> = near.iter().flat_map(|&v| self.edit.faces_at(v)).copied().collect();
+            verts = self.verts_of(&faces);
         }
     }
 

@@ -33,6 +33,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use crate::edit::Edit;
+use crate::excerpt::Excerpt;
 use crate::fit::Fit;
 use crate::mesh::{Face, Mesh, PerFace, PerVert, Vert};
 use crate::refine::Refined;
@@ -81,7 +82,9 @@ pub struct UntangleCounts {
 pub(crate) struct Context<'a> {
     /// The mesh before subdivision.
     pub before: &'a Mesh,
-    /// The mesh after it, or an excerpt of it.
+    /// The excerpt of it that was refined, if it is not all there is.
+    pub excerpt: Option<&'a Excerpt<'a>>,
+    /// The mesh after it, or the excerpt.
     pub refined: &'a Refined,
     /// How many of its vertices are old ones.
     pub n_old: usize,
@@ -258,18 +261,24 @@ impl<'z, 'c, 'm> Zone<'z, 'c, 'm> {
     }
 
     fn bad_faces(&mut self) -> Vec<Face> {
-        let energy = |(&f, known): (&Face, &Option<Energy>)| {
-            self.edit.stands(f).then(|| known.unwrap_or_else(|| self.energy_of(self.edit.triangle(f), f)))
-        };
-        self.energy = self.faces.par_iter().zip(&self.energy).map(energy).collect();
+        let mut energy = std::mem::take(&mut self.energy);
+        let unknown = self.faces.par_iter().zip(&mut energy).filter(|(_, energy)| energy.is_none());
+        let standing = unknown.filter(|&(&f, _)| self.edit.stands(f));
+        standing.for_each(|(&f, energy)| *energy = Some(self.energy_of(self.edit.triangle(f), f)));
+        self.energy = energy;
         let is_bad = |energy: &Option<Energy>| energy.is_some_and(|energy| self.value(energy) > 0.0);
-        self.faces.iter().zip(&self.energy).filter(|(_, energy)| is_bad(energy)).map(|(&f, _)| f).collect()
+        let bad = self.faces.iter().zip(&self.energy).filter(|(_, energy)| is_bad(energy));
+        bad.map(|(&f, _)| f).filter(|&f| self.edit.stands(f)).collect()
     }
 
     /// Collapses the shortest edges first: along a crease either way, whichever is better; an old vertex
     /// only into the crease.
     fn collapse_short_edges(&mut self, counts: &mut UntangleCounts) {
         let limit = (SHORT_EDGE * self.context.mean_edge).powi(2);
+        let has_short_side = |&&f: &&Face| {
+            let [a, b, c] = self.edit.triangle(f);
+            [(a, b), (b, c), (c, a)].into_iter().any(|(p, q)| p.distance_squared(q) < limit)
+        };
         let short_side = |t: [Vert; 3], i: usize| {
             let (a, b) = (t[i].min(t[(i + 1) % 3]), t[i].max(t[(i + 1) % 3]));
             let length = self.length_squared(a, b);
@@ -279,7 +288,8 @@ impl<'z, 'c, 'm> Zone<'z, 'c, 'm> {
         };
         let short_sides =
             |&f: &Face| [0, 1, 2].map(|i| short_side(self.edit.corners(f), i)).into_iter().flatten();
-        let mut short: Vec<(u64, Vert, Vert)> = self.faces.par_iter().flat_map_iter(short_sides).collect();
+        let near = self.faces.par_iter().filter(has_short_side);
+        let mut short: Vec<(u64, Vert, Vert)> = near.flat_map_iter(short_sides).collect();
         short.sort_unstable();
         short.dedup();
         for (_, a, b) in short {
@@ -370,6 +380,11 @@ impl<'a> Context<'a> {
         best.and_then(|v| self.fits[v])
     }
 
+    /// Where an old vertex of the whole mesh is.
+    fn old_point(&self, v: Vert) -> DVec3 {
+        self.excerpt.map_or_else(|| self.before.point(v), |excerpt| excerpt.old_point(v))
+    }
+
     /// The normal of the input face that `f` lies in.
     fn parent_normal(&self, f: Face) -> Option<DVec3> {
         crate::geometry::unit_normal(self.before.triangle(self.refined.lineage.parents[f]))
@@ -383,6 +398,7 @@ impl<'a> Context<'a> {
     fn plain(before: &'a Mesh, refined: &'a Refined, fit: Option<&'a Fit>) -> Self {
         Self {
             before,
+            excerpt: None,
             refined,
             n_old: before.n_verts(),
             fits: PerVert::filled(before.n_verts(), fit),
