@@ -26,6 +26,10 @@ use crate::subset::{Ranked, Subset};
 /// for a vertex beyond, a wider excerpt is cut.
 pub(crate) const RINGS: usize = 2;
 
+/// So many rings more round tips, where flips go on from edge to edge. With none most meshes with a cone need a wider
+/// excerpt, with one a flat cone does, with two none of 295 inputs.
+const TIP_RINGS: usize = 2;
+
 /// Faces per unit of parallel work.
 const CHUNK: usize = 8192;
 
@@ -53,16 +57,41 @@ pub(crate) struct Rejoined {
     pub now: Now,
 }
 
-/// What vertices of the refined mesh became.
+/// What vertices and faces of the refined mesh became.
 pub(crate) struct Now {
     n_old: usize,
+    /// All new faces in their order.
+    turns: Vec<Turn>,
     /// The old vertices of the excerpt ...
     verts: Ranked<Vert>,
     /// ... and what its vertices, old and inserted, are now.
     now: Vec<Vert>,
 }
 
+/// Some new faces: in turns come old ones and those of the excerpt.
+struct Turn {
+    /// The index of the first one.
+    first: usize,
+    /// First come these old faces, which are not in the excerpt, ...
+    same: Range<usize>,
+    /// ... then these faces of the edited excerpt.
+    own: Range<usize>,
+}
+
 impl Now {
+    /// The face that is old face `f` now, unless it was in the excerpt.
+    pub(crate) fn face(&self, f: Face) -> Option<Face> {
+        let turn = self.turns.get(self.turns.partition_point(|turn| turn.same.end <= f.index()))?;
+        let i = f.index().checked_sub(turn.same.start)?;
+        Some(Face::new(turn.first + i))
+    }
+
+    /// The faces that come from the excerpt.
+    pub(crate) fn faces_of_excerpt(&self) -> Vec<Face> {
+        let first_own = |turn: &Turn| turn.first + turn.same.len();
+        self.turns.iter().flat_map(|turn| (first_own(turn)..).take(turn.own.len())).map(Face::new).collect()
+    }
+
     /// The vertex that `v` is now, or was collapsed into.
     pub(crate) fn of(&self, v: Vert) -> Vert {
         let slot = match v.index().checked_sub(self.n_old) {
@@ -74,7 +103,7 @@ impl Now {
 }
 
 impl<'m> Excerpt<'m> {
-    /// Cuts out so many `rings` of faces round those that are `split` and those at `tips`.
+    /// Cuts out so many `rings` of faces round those that are `split`, and more round `tips`.
     pub(crate) fn new(
         before: &'m Mesh,
         inserts: &'m Inserts,
@@ -83,12 +112,16 @@ impl<'m> Excerpt<'m> {
         rings: usize,
     ) -> Self {
         let (n_verts, n_faces) = (before.n_verts(), before.n_faces());
-        let mut faces = Subset::of(n_faces, split.faces.iter().copied());
-        let mut verts = Subset::of(n_verts, []);
-        let corners = split.faces.iter().flat_map(|&f| before.corners(f));
-        let mut ring: Vec<Vert> = corners.chain(tips.iter().copied()).filter(|&v| verts.insert(v)).collect();
+        let mut faces = Subset::of(n_faces, []);
+        let mut verts = Subset::of(n_verts, tips.iter().copied());
         let mut whole = Subset::of(n_verts, []);
-        for _ in 0..rings {
+        let mut ring = tips.to_vec();
+        for i in 0..TIP_RINGS + rings {
+            if i == TIP_RINGS {
+                split.faces.iter().for_each(|&f| _ = faces.insert(f));
+                let corners = split.faces.iter().flat_map(|&f| before.corners(f));
+                ring.extend(corners.filter(|&v| verts.insert(v)));
+            }
             whole = verts.clone();
             let mut next = Vec::new();
             for &v in &ring {
@@ -137,8 +170,10 @@ impl<'m> Excerpt<'m> {
 
     /// Puts the excerpt back as edits have left it. Says where faces come from if it `keeps_lineage`.
     pub(crate) fn rejoin(self, edited: Edited, keeps_lineage: bool) -> Rejoined {
-        let (points, faces) = rayon::join(|| self.rejoin_points(&edited), || self.rejoin_faces(&edited));
-        let lineage = keeps_lineage.then(|| self.rejoin_lineage(&edited));
+        let turns = self.turns(&edited);
+        let (points, faces) =
+            rayon::join(|| self.rejoin_points(&edited), || self.rejoin_faces(&edited, &turns));
+        let lineage = keeps_lineage.then(|| self.rejoin_lineage(&edited, &turns));
         let mesh = Mesh::of_valid_parts(points, faces);
         debug_assert_eq!(mesh.check(), Ok(()));
         let [replaced, now] = [&edited.replaced, edited.now.as_slice()]
@@ -147,7 +182,7 @@ impl<'m> Excerpt<'m> {
             mesh,
             lineage,
             replaced,
-            now: Now { n_old: self.before.n_verts(), verts: self.verts, now },
+            now: Now { n_old: self.before.n_verts(), turns, verts: self.verts, now },
         }
     }
 
@@ -165,30 +200,31 @@ impl<'m> Excerpt<'m> {
         points
     }
 
-    fn rejoin_faces(&self, edited: &Edited) -> Vec<[Vert; 3]> {
+    fn rejoin_faces(&self, edited: &Edited, turns: &[Turn]) -> Vec<[Vert; 3]> {
         let mut faces = Vec::with_capacity(self.n_new_faces(edited));
-        self.in_order(edited, |same, children| {
-            faces.extend_from_slice(&self.before.faces()[same]);
-            faces.extend(edited.mesh.faces()[children].iter().map(|corners| corners.map(|v| self.whole(v))));
-        });
+        for Turn { same, own, .. } in turns {
+            faces.extend_from_slice(&self.before.faces()[same.clone()]);
+            let own = &edited.mesh.faces()[own.clone()];
+            faces.extend(own.iter().map(|corners| corners.map(|v| self.whole(v))));
+        }
         faces
     }
 
-    fn rejoin_lineage(&self, edited: &Edited) -> Lineage {
+    fn rejoin_lineage(&self, edited: &Edited, turns: &[Turn]) -> Lineage {
         let n_faces = self.n_new_faces(edited);
         let (mut parents, mut corners) = (Vec::with_capacity(n_faces), Vec::with_capacity(3 * n_faces));
         let mut foreign = Vec::with_capacity(edited.lineage.foreign.len());
         let mut own_foreign = edited.lineage.foreign.iter().peekable();
-        self.in_order(edited, |same, children| {
+        for Turn { same, own, .. } in turns {
             parents.extend(same.clone().map(Face::new));
-            corners.extend(same.flat_map(|_| [0, 1, 2].map(Place::Corner)));
-            let halves = 3 * children.start..3 * children.end;
+            corners.extend(same.clone().flat_map(|_| [0, 1, 2].map(Place::Corner)));
+            let halves = 3 * own.start..3 * own.end;
             while let Some(&(h, weights)) = own_foreign.next_if(|(h, _)| h.index() < halves.end) {
                 foreign.push((Half::new(corners.len() + h.index() - halves.start), weights));
             }
-            parents.extend_from_slice(&edited.lineage.parents.as_slice()[children]);
+            parents.extend_from_slice(&edited.lineage.parents.as_slice()[own.clone()]);
             corners.extend_from_slice(&edited.lineage.corners.as_slice()[halves]);
-        });
+        }
         Lineage { parents: parents.into(), corners: corners.into(), foreign }
     }
 
@@ -196,18 +232,23 @@ impl<'m> Excerpt<'m> {
         self.before.n_faces() - self.faces.len() + edited.mesh.n_faces()
     }
 
-    /// Hands out the new faces in their order, in turns: old faces that are not in the excerpt, then faces of
-    /// the edited excerpt.
-    fn in_order(&self, edited: &Edited, mut next: impl FnMut(Range<usize>, Range<usize>)) {
+    /// The new faces in their order.
+    fn turns(&self, edited: &Edited) -> Vec<Turn> {
         let parents = edited.lineage.parents.as_slice();
-        let (mut old, mut own) = (0, 0);
+        let (mut turns, mut first, mut old, mut own) = (Vec::new(), 0, 0, 0);
+        let mut push = |same: Range<usize>, own: Range<usize>| {
+            let n = same.len() + own.len();
+            turns.push(Turn { first, same, own });
+            first += n;
+        };
         for run in self.faces.chunk_by(|f, g| f.index() + 1 == g.index()) {
             let end = run[run.len() - 1].index() + 1;
             let n_own = parents[own..].iter().take_while(|parent| parent.index() < end).count();
-            next(old..run[0].index(), own..own + n_own);
+            push(old..run[0].index(), own..own + n_own);
             (old, own) = (end, own + n_own);
         }
-        next(old..self.before.n_faces(), own..own);
+        push(old..self.before.n_faces(), own..own);
+        turns
     }
 }
 
@@ -342,6 +383,14 @@ mod tests {
     }
 
     #[test]
+    fn tips_have_two_more_rings() {
+        let (m, inserts) = sheet();
+        let excerpt = Excerpt::new(&m, &inserts, &split(&m, &inserts).unwrap(), &[Vert::new(0)], 1);
+        let is_whole = |i: usize| excerpt.own(Vert::new((N + 1) * i)).map(|v| excerpt.is_whole[v]);
+        assert_eq!([2, 3, 4, 7].map(is_whole), [Some(true), Some(false), Some(true), None]);
+    }
+
+    #[test]
     fn an_excerpt_put_back_without_edits_is_the_refined_mesh() {
         let (m, inserts) = sheet();
         let split = split(&m, &inserts).unwrap();
@@ -356,6 +405,12 @@ mod tests {
             assert_eq!(lineage.parents, expected.lineage.parents);
             assert_eq!(lineage.corners, expected.lineage.corners);
             assert!(replaced.is_empty() && mesh.verts().all(|v| now.of(v) == v));
+            let of_excerpt = now.faces_of_excerpt();
+            let is_same = |(f, g): (Face, Face)| mesh.corners(g) == m.corners(f);
+            let outside: Vec<_> = m.face_ids().filter_map(|f| Some((f, now.face(f)?))).collect();
+            assert!(outside.iter().copied().all(is_same));
+            assert_eq!(outside.len() + of_excerpt.len(), mesh.n_faces());
+            assert!(outside.iter().all(|(_, g)| !of_excerpt.contains(g)));
         }
     }
 }

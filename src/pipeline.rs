@@ -9,7 +9,7 @@ use crate::classify::{Labels, SmoothThreshold, classify, classify_interior, red_
 use crate::collapse::{CollapseCounts, collapse_degenerate_faces};
 use crate::edit::Edit;
 use crate::excerpt::{Excerpt, Now, RINGS, Rejoined};
-use crate::mesh::{Half, Mesh, MeshError, PerHalf, Vert};
+use crate::mesh::{Face, Half, Mesh, MeshError, PerHalf, Vert};
 use crate::options::{Method, Options};
 use crate::place::{Outcome, Placement, place};
 use crate::refine::{Child, Inserts, Lineage, Split, split};
@@ -249,9 +249,15 @@ fn find_tags(mesh: &Mesh, chamfers: &Chamfers, cleaned: &Cleaned, method: Method
         None => mesh.edges().filter(|&h| labels.sharp_edge[h]).collect(),
         Some(regions) => regions.sharp_already(mesh, &labels.smooth_edge),
     };
-    let old = old.into_iter().map(|h| mesh.ends(h));
     let created = cleaned.created.iter().copied().filter(|edge| edge.iter().all(is_tagged));
-    let bent = Tags::where_bent(&cleaned.mesh, old.chain(created).map(now));
+    let candidates = old.iter().map(|&h| mesh.ends(h)).chain(created).map(now);
+    // All edges that subdivision created are in the excerpt.
+    let halves = old.iter().flat_map(|&h| [Some(h), mesh.twin(h)]).flatten();
+    let mut faces: Vec<Face> = halves.filter_map(|h| cleaned.now.face(h.face())).collect();
+    faces.sort_unstable();
+    faces.dedup();
+    faces.extend(cleaned.now.faces_of_excerpt());
+    let bent = Tags::where_bent_beside(&cleaned.mesh, &faces, candidates);
     let apexes = chamfers.regions.iter().flat_map(|regions| &regions.apexes);
     bent.with_tagged(apexes.map(|apex| cleaned.now.of(apex.vertex)))
 }

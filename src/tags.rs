@@ -63,19 +63,28 @@ impl Tags {
     /// edge without an angle (a border, a face without area) keeps its tag.
     #[must_use]
     pub fn where_bent(mesh: &Mesh, candidates: impl IntoIterator<Item = [Vert; 2]>) -> Self {
+        Self::where_bent_beside(mesh, &mesh.face_ids().collect::<Vec<_>>(), candidates)
+    }
+
+    /// The same, where all faces beside `candidates` are among these `faces`, each once.
+    pub(crate) fn where_bent_beside(
+        mesh: &Mesh,
+        faces: &[Face],
+        candidates: impl IntoIterator<Item = [Vert; 2]>,
+    ) -> Self {
         let candidates = in_order(candidates.into_iter().collect());
         let is_end = Subset::of(mesh.n_verts(), candidates.iter().flatten().copied());
         // One pass over the faces finds those beside each candidate, without the mesh's twins.
-        let has_edge_between_ends = |(_, corners): &(usize, &[Vert; 3])| {
-            corners.iter().map(|&v| usize::from(is_end.contains(v))).sum::<usize>() >= 2
-        };
-        let candidates_of = |(f, &[a, b, c]): (usize, &[Vert; 3])| {
+        let has_edge_between_ends =
+            |&f: &Face| mesh.corners(f).map(|v| usize::from(is_end.contains(v))).iter().sum::<usize>() >= 2;
+        let candidates_of = |f: Face| {
+            let [a, b, c] = mesh.corners(f);
             let edges = [[a, b], [b, c], [c, a]].map(|[v, w]| [v.min(w), v.max(w)]);
             let edges = edges.into_iter().filter(|edge| edge.iter().all(|&v| is_end.contains(v)));
             let number = |edge: [Vert; 2]| candidates.binary_search(&edge).ok();
-            edges.filter_map(number).map(move |i| (i, Face::new(f)))
+            edges.filter_map(number).map(move |i| (i, f))
         };
-        let faces = mesh.faces().par_iter().enumerate().filter(has_edge_between_ends);
+        let faces = faces.par_iter().copied().filter(has_edge_between_ends);
         let pairs: Vec<(usize, Face)> = faces.flat_map_iter(candidates_of).collect();
         let mut beside = vec![Beside::NONE; candidates.len()];
         pairs.into_iter().for_each(|(i, f)| beside[i].add(f));
