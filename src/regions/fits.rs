@@ -1,5 +1,7 @@
 //! The fits of a mesh, by vertex.
 
+use rayon::prelude::*;
+
 use crate::fit::Fit;
 use crate::mesh::{PerVert, Vert};
 
@@ -19,7 +21,7 @@ impl VertexFits {
         for (i, &v) in verts.iter().enumerate() {
             slot[v] = i as u32;
         }
-        let fits = vec![None; verts.len()];
+        let fits = verts.par_iter().map(|_| None).collect();
         Self { slot, verts, fits }
     }
 

@@ -14,6 +14,7 @@
 #[cfg(test)]
 mod tests;
 
+use rayon::prelude::*;
 use serde::Serialize;
 
 use super::{Surface, VertexFits, rounds};
@@ -262,14 +263,16 @@ fn group_by_triangles(mesh: &Mesh, edges: &[Half]) -> (Vec<u32>, usize) {
         }
         i
     }
-    for (i, &h) in edges.iter().enumerate() {
+    let beside = |(i, &h): (usize, &Half)| {
         let faces = [Some(h), mesh.twin(h)].into_iter().flatten();
-        for other in faces.flat_map(|h| [h.next(), h.prev()]) {
-            if let Ok(j) = edges.binary_search(&mesh.edge(other)) {
-                let (a, b) = (root(&mut parents, i as u32), root(&mut parents, j as u32));
-                parents[a.max(b) as usize] = a.min(b);
-            }
-        }
+        let others = faces.flat_map(|h| [h.next(), h.prev()]);
+        let among_edges = others.filter_map(|other| edges.binary_search(&mesh.edge(other)).ok());
+        among_edges.map(move |j| [i as u32, j as u32])
+    };
+    let pairs: Vec<[u32; 2]> = edges.par_iter().enumerate().flat_map_iter(beside).collect();
+    for pair in pairs {
+        let [a, b] = pair.map(|i| root(&mut parents, i));
+        parents[a.max(b) as usize] = a.min(b);
     }
     // The root of a group is its lowest edge.
     let (mut group, mut n_groups) = (Vec::with_capacity(edges.len()), 0);

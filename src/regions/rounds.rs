@@ -29,6 +29,7 @@
 mod tests;
 
 use glam::DVec3;
+use rayon::prelude::*;
 
 use super::gates::{CLEAN_NOISE, Fate, LONG_STRIP, ROUND_DISPLACEMENT, ROUND_GUESSED, STRIP_RMS, Strip};
 use super::{Surface, VertexFits};
@@ -104,9 +105,12 @@ pub(super) fn judge_by_radius(
         (surface.has_rounds() || strip.fate == Fate::Kept || has_a_say(strip, noise)).then(Vec::new)
     };
     let mut samples: Vec<Option<Vec<Inside>>> = strips.iter().map(is_asked).collect();
-    for (&h, &strip) in candidates.iter().zip(strip_of) {
+    let asked = candidates.par_iter().zip(strip_of).filter(|(_, strip)| samples[**strip as usize].is_some());
+    let found =
+        asked.flat_map_iter(|(&h, &strip)| samples_at(surface, fits, h).map(move |found| (strip, found)));
+    for (strip, found) in found.collect::<Vec<_>>() {
         if let Some(samples) = &mut samples[strip as usize] {
-            samples.extend(samples_at(surface, fits, h));
+            samples.push(found);
         }
     }
     for (strip, samples) in strips.iter_mut().zip(samples) {

@@ -4,6 +4,7 @@
 //! Cost: O(bad faces that are left), each against the faces within [`RINGS`] rings.
 
 use glam::DVec3;
+use rayon::prelude::*;
 
 use super::{UntangleCounts, Zone};
 use crate::mesh::{Face, Vert};
@@ -27,8 +28,12 @@ impl Zone<'_, '_, '_> {
     /// Moves inserted vertices of bad faces that cut others, and of those cut, until fewer faces cut each
     /// other.
     pub(super) fn uncross(&mut self, counts: &mut UntangleCounts) {
-        for f in self.bad_faces() {
-            let mut cut = self.faces_cut_by(f);
+        let bad = self.bad_faces();
+        // Most cut nothing, and so it stays until a vertex moves.
+        let cuts: Vec<bool> = bad.par_iter().map(|&f| !self.faces_cut_by(f).is_empty()).collect();
+        let mut has_moved = false;
+        for (f, cuts) in bad.into_iter().zip(cuts) {
+            let mut cut = if cuts || has_moved { self.faces_cut_by(f) } else { Vec::new() };
             if cut.is_empty() {
                 continue;
             }
@@ -44,6 +49,7 @@ impl Zone<'_, '_, '_> {
                 let faces: Vec<Face> = self.edit.faces_at(v).to_vec();
                 faces.into_iter().for_each(|f| self.forget(f));
                 counts.moved_back += 1;
+                has_moved = true;
             }
         }
     }
