@@ -255,11 +255,9 @@ fn per_vertex(mesh: &Mesh, value: impl Fn(Vert) -> bool + Send + Sync) -> PerVer
 /// Paints red each vertex whose edges are all smooth. A vertex without edges stays gray.
 fn filter_1_interior_of_smooth_region(mesh: &Mesh, border_is_smooth: bool, labels: &mut Labels) {
     let smooth = &labels.smooth_edge;
-    let stops = |(h, &is_smooth): (usize, &bool)| {
-        let h = (!is_smooth).then(|| Half::new(h))?;
-        (!border_is_smooth || !mesh.is_border(h)).then_some(h)
-    };
-    let stops: Vec<Half> = smooth.as_slice().par_iter().enumerate().filter_map(stops).collect();
+    let edges = smooth.as_slice().par_iter().enumerate().map(|(h, &is_smooth)| (Half::new(h), is_smooth));
+    let stops = edges.filter(|&(h, is_smooth)| !(is_smooth || border_is_smooth && mesh.is_border(h)));
+    let stops: Vec<Half> = stops.map(|(h, _)| h).collect();
     labels.interior_vertex = per_vertex(mesh, |v| !mesh.leaving(v).is_empty());
     for h in stops {
         labels.interior_vertex[mesh.from(h)] = false;

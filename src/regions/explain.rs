@@ -17,6 +17,8 @@
 #[cfg(test)]
 mod tests;
 
+use std::cmp::Reverse;
+use std::iter;
 use std::ops::Range;
 
 use glam::DVec3;
@@ -114,29 +116,22 @@ fn groups(surface: &Surface, fits: &VertexFits) -> (Vec<u32>, Vec<Range<usize>>)
     let has_slot = |&v: &Vert| !surface.interior[v] && fits.slot[v] != u32::MAX;
     let mut is_open: Vec<bool> = near.verts.iter().map(has_slot).collect();
     let limit = (GROUP_REACH * surface.h).powi(2);
-    let is_close =
-        |i: u32, j: u32| near.points[i as usize].distance_squared(near.points[j as usize]) <= limit;
-    let open_beside = |is_open: &[bool], i: u32, found: &mut Vec<u32>| {
-        let beside = near.neighbours(i).iter().copied();
-        found.extend(beside.filter(|&j| is_open[j as usize] && is_close(i, j)));
-    };
     let (mut verts, mut groups) = (Vec::new(), Vec::new());
-    let mut beside = Vec::new();
     for seed in 0..near.verts.len() as u32 {
         if !is_open[seed as usize] {
             continue;
         }
         let start = verts.len();
-        beside.clear();
-        beside.push(seed);
-        open_beside(&is_open, seed, &mut beside);
-        let size = |&i: &u32| {
-            let n = near.neighbours(i).iter().filter(|&&j| is_open[j as usize] && is_close(i, j)).count();
-            (n, std::cmp::Reverse(i))
+        let open_beside = |i: u32| {
+            let is_close =
+                move |j: u32| near.points[i as usize].distance_squared(near.points[j as usize]) <= limit;
+            let beside = near.neighbours(i).iter().copied();
+            beside.filter(|&j| is_open[j as usize]).filter(move |&j| is_close(j))
         };
-        let first = beside.iter().copied().max_by_key(size).unwrap_or(seed);
+        let size = |&i: &u32| (open_beside(i).count(), Reverse(i));
+        let first = iter::once(seed).chain(open_beside(seed)).max_by_key(size).unwrap_or(seed);
         verts.push(first);
-        open_beside(&is_open, first, &mut verts);
+        verts.extend(open_beside(first));
         // The order round a vertex is that of the faces in the file.
         verts[start + 1..].sort_unstable();
         verts[start..].iter().for_each(|&i| is_open[i as usize] = false);

@@ -101,20 +101,19 @@ pub(super) fn judge_by_radius(
     strips: &mut [Strip],
     noise: f64,
 ) {
-    let is_asked = |strip: &Strip| {
-        (surface.has_rounds() || strip.fate == Fate::Kept || has_a_say(strip, noise)).then(Vec::new)
-    };
-    let mut samples: Vec<Option<Vec<Inside>>> = strips.iter().map(is_asked).collect();
-    let asked = candidates.par_iter().zip(strip_of).filter(|(_, strip)| samples[**strip as usize].is_some());
+    let is_asked =
+        |strip: &Strip| surface.has_rounds() || strip.fate == Fate::Kept || has_a_say(strip, noise);
+    let asked = candidates.par_iter().zip(strip_of).filter(|(_, strip)| is_asked(&strips[**strip as usize]));
     let found =
         asked.flat_map_iter(|(&h, &strip)| samples_at(surface, fits, h).map(move |found| (strip, found)));
+    let mut samples: Vec<Vec<Inside>> = strips.iter().map(|_| Vec::new()).collect();
     for (strip, found) in found.collect::<Vec<_>>() {
-        if let Some(samples) = &mut samples[strip as usize] {
-            samples.push(found);
-        }
+        samples[strip as usize].push(found);
     }
     for (strip, samples) in strips.iter_mut().zip(samples) {
-        let Some(samples) = samples.filter(|samples| !samples.is_empty()) else { continue };
+        if samples.is_empty() {
+            continue;
+        }
         if surface.has_rounds() {
             strip.fate = fate_among_rounds(strip, &samples, surface.max_round);
         } else if strip.fate == Fate::Kept && is_away(strip, &samples) {

@@ -29,11 +29,11 @@ impl Zone<'_, '_, '_> {
     /// other.
     pub(super) fn uncross(&mut self, counts: &mut UntangleCounts) {
         let bad = self.bad_faces();
-        // Most cut nothing, and so it stays until a vertex moves.
-        let cuts: Vec<bool> = bad.par_iter().map(|&f| !self.faces_cut_by(f).is_empty()).collect();
+        // So it stays until a vertex moves.
+        let cut: Vec<_> = bad.par_iter().map(|&f| self.faces_cut_by(f)).collect();
         let mut has_moved = false;
-        for (f, cuts) in bad.into_iter().zip(cuts) {
-            let mut cut = if cuts || has_moved { self.faces_cut_by(f) } else { Vec::new() };
+        for (f, cut) in bad.into_iter().zip(cut) {
+            let mut cut = if has_moved { self.faces_cut_by(f) } else { cut };
             if cut.is_empty() {
                 continue;
             }

@@ -275,10 +275,6 @@ impl<'z, 'c, 'm> Zone<'z, 'c, 'm> {
     /// only into the crease.
     fn collapse_short_edges(&mut self, counts: &mut UntangleCounts) {
         let limit = (SHORT_EDGE * self.context.mean_edge).powi(2);
-        let has_short_side = |&&f: &&Face| {
-            let [a, b, c] = self.edit.triangle(f);
-            [(a, b), (b, c), (c, a)].into_iter().any(|(p, q)| p.distance_squared(q) < limit)
-        };
         let short_side = |t: [Vert; 3], i: usize| {
             let (a, b) = (t[i].min(t[(i + 1) % 3]), t[i].max(t[(i + 1) % 3]));
             let length = self.length_squared(a, b);
@@ -288,8 +284,7 @@ impl<'z, 'c, 'm> Zone<'z, 'c, 'm> {
         };
         let short_sides =
             |&f: &Face| [0, 1, 2].map(|i| short_side(self.edit.corners(f), i)).into_iter().flatten();
-        let near = self.faces.par_iter().filter(has_short_side);
-        let mut short: Vec<(u64, Vert, Vert)> = near.flat_map_iter(short_sides).collect();
+        let mut short: Vec<(u64, Vert, Vert)> = self.faces.par_iter().flat_map_iter(short_sides).collect();
         short.sort_unstable();
         short.dedup();
         for (_, a, b) in short {
